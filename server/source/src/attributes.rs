@@ -29,7 +29,8 @@ pub enum AttributeValue {
 
 impl AttributeValue {
     /// The value of a text that is a whole number, a number, `true`/`false` or a date `YYYY-MM-DD`; the text itself otherwise.
-    /// For formats without types, where the schema does not tell the type either. Numbers with leading zeros stay texts.
+    /// For formats without types, where the schema does not tell the type either. Numbers with leading zeros stay texts,
+    /// and so do whole numbers of more than 64 bits and codes such as `12E3`.
     pub fn from_untyped(text: &str) -> Self {
         let text = text.trim();
         let digits = text.strip_prefix('-').unwrap_or(text);
@@ -38,7 +39,12 @@ impl AttributeValue {
             if let Ok(number) = text.parse() {
                 return Self::Integer(number);
             }
-            if let Some(number) = text.parse::<f64>().ok().filter(|number| number.is_finite()) {
+            let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+            let is_code = match digits.split_once(['e', 'E']) {
+                Some((number, exponent)) => is_digits(number) && is_digits(exponent),
+                None => is_digits(digits),
+            };
+            if let Some(number) = text.parse::<f64>().ok().filter(|number| number.is_finite() && !is_code) {
                 return Self::Float(number);
             }
         }
@@ -230,6 +236,18 @@ mod tests {
         // Whole numbers may be identifiers.
         assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
+    }
+
+    #[test]
+    fn codes_of_digits_stay_texts() {
+        let text = |text: &str| AttributeValue::Text(text.to_owned());
+        for code in ["12E3", "6e04", "123456789012345678901", "-99999999999999999999", "0712"] {
+            assert_eq!(AttributeValue::from_untyped(code), text(code));
+        }
+        for (number, value) in [("1.2E3", 1200.0), ("1e+05", 100_000.0), ("12.", 12.0), ("-0.5", -0.5)] {
+            assert_eq!(AttributeValue::from_untyped(number), AttributeValue::Float(value));
+        }
+        assert_eq!(AttributeValue::from_untyped("9223372036854775807"), AttributeValue::Integer(i64::MAX));
     }
 
     #[test]

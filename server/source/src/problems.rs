@@ -54,3 +54,32 @@ pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 pub const FAR_PICTURE: &str = "picture from above far from the city, not drawn";
 /// Kind of the problem that an elevation model is of another place.
 pub const FAR_TERRAIN: &str = "elevation model far from the city, no terrain made";
+/// Kind of the problem that only the name of a layer or file tells what areas are, and it may be that of a street.
+pub const KIND_BY_NAME: &str = "kind of areas guessed by the name of their layer, which no attribute confirms";
+/// Kind of the problem that areas have heights, but the name of their layer tells another kind.
+pub const KIND_AGAINST_NAME: &str = "areas with heights taken as buildings, against the name of their layer";
+/// Kind of the problem that a mesh is in another unit than metres, as a comment or its size suggest.
+pub const MESH_UNIT: &str = "coordinates of a mesh may not be in metres";
+/// Kind of the problem that a mesh whose z axis is taken to point up looks as if y did.
+pub const MESH_UP: &str = "mesh looks as if its y axis points up";
+/// Kind of the problem that a program has not yet written its changes to a database.
+pub const UNSAVED: &str = "changes beside a database not read";
+
+/// What is guessed, and worth a warning.
+pub(crate) const GUESSES: &[&str] = &[
+    SWAPPED,
+    OUTSIDE,
+    NO_CRS,
+    UNIT_GUESSED,
+    NO_GROUND_HEIGHT,
+    MISSING_HEIGHTS,
+    ODD_ZEROS,
+    MISSING_GROUND,
+    KIND_BY_NAME,
+    KIND_AGAINST_NAME,
+    MESH_UNIT,
+    MESH_UP,
+];
+/// What is lost as a whole.
+pub(crate) const LOSSES: &[&str] =
+    &[NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_TABLE, UNSAVED, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN];

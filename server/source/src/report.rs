@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, DAMAGED_ATTRIBUTES, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, FEWER_ATTRIBUTES, GAP, GUESSED,
-    GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_ATTRIBUTES, NO_CRS, NO_GROUND_HEIGHT, NO_TABLE,
-    NOT_UNDERSTOOD, ODD_ZEROS, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
+    CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, GUESSES, INEXACT, LOSSES, NO_CRS,
+    NOT_UNDERSTOOD, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -427,9 +426,7 @@ impl ReadReport {
     /// All warnings for the user: what was guessed, what lies far from the rest, and what is lost as a whole.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let of_objects = self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings());
-        let lost =
-            &[NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_TABLE, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN];
-        of_objects.chain(self.guess_warnings()).chain(self.problems_of(lost))
+        of_objects.chain(self.guess_warnings()).chain(self.problems_of(LOSSES))
     }
 
     /// Which objects lie far from the city, of each source with such, what is baked, and what to do.
@@ -464,9 +461,7 @@ impl ReadReport {
 
     /// What was guessed of heights and places, of each source with such.
     pub fn guess_warnings(&self) -> impl Iterator<Item = String> {
-        let kinds =
-            &[SWAPPED, OUTSIDE, NO_CRS, UNIT_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, ODD_ZEROS, MISSING_GROUND];
-        self.problems_of(kinds).chain(self.sources.iter().filter_map(SourceReport::guessed_heights))
+        self.problems_of(GUESSES).chain(self.sources.iter().filter_map(SourceReport::guessed_heights))
     }
 
     /// A line for each problem of some kinds in each source.
@@ -521,6 +516,7 @@ impl ReadReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::problems::DAMAGED_ATTRIBUTES;
 
     #[test]
     fn texts_and_types_of_a_hostile_source_stay_few_and_short() {

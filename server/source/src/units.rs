@@ -9,6 +9,9 @@ pub const US_FOOT_M: f64 = 1200.0 / 3937.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
     Metre,
+    Decimetre,
+    Centimetre,
+    Millimetre,
     Foot,
 }
 
@@ -17,6 +20,9 @@ impl HeightUnit {
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Metre => "m",
+            Self::Decimetre => "dm",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
             Self::Foot => "ft",
         }
     }
@@ -25,6 +31,9 @@ impl HeightUnit {
     pub fn metres(self) -> f64 {
         match self {
             Self::Metre => 1.0,
+            Self::Decimetre => 0.1,
+            Self::Centimetre => 0.01,
+            Self::Millimetre => 0.001,
             Self::Foot => FOOT_M,
         }
     }

@@ -6,6 +6,9 @@ use clap::ValueEnum;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LengthUnit {
     M,
+    Dm,
+    Cm,
+    Mm,
     Ft,
 }
 

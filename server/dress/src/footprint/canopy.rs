@@ -1,6 +1,7 @@
 //! Roofs without walls: canopies, carports and shelters. They are slabs at their height, on posts.
 
 use super::height::{BASE, BuildingHeight, HeightHints};
+use super::lengths::named_lengths;
 use insula_source::attributes::Attributes;
 use insula_source::problems::GUESSED;
 
@@ -43,7 +44,7 @@ impl Canopy {
             kind if CARPORTS.contains(&kind) || is_shelter => LOW_ROOF_M,
             _ => return None,
         };
-        let has_base = BASE.iter().any(|name| attributes.named(name).is_some());
+        let has_base = named_lengths(attributes, BASE, 1.0).next().is_some();
         Some(Self { usual_m, has_base })
     }
 

@@ -4,7 +4,7 @@ use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NO
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight, UnitGuess};
-use super::lengths::{metres, roof_height_m, storeys};
+use super::lengths::{metres, named_lengths, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{HeightUnit, metres_of};
 
@@ -54,14 +54,13 @@ impl BuildingHeight {
     /// their kind and details.
     pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str, &str)) -> Self {
         let named = height_names::find(attributes, hints.unit.is_some());
-        let mut first = |names: &[&str], range, unit_m| {
-            let values = names.iter().filter_map(|name| Some((*name, attributes.named(name)?, unit_m)));
-            first_in_range(values, range, &mut note).map(|(_, number)| number)
-        };
-        let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
-        let base_m = first(BASE, BASE_RANGE_M, plain_m)
-            .or_else(|| first(BASE_LEVEL, BASE_LEVEL_RANGE, 1.0).map(|levels| levels * LEVEL_M))
-            .unwrap_or(0.0);
+        let plain_m = unit_of_top_m(attributes, &named, hints);
+        let bases = named_lengths(attributes, BASE, plain_m);
+        let base_m = first_in_range(bases, BASE_RANGE_M, &mut note).map(|(_, base_m)| base_m).or_else(|| {
+            let levels = BASE_LEVEL.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
+            first_in_range(levels, BASE_LEVEL_RANGE, &mut note).map(|(_, levels)| levels * LEVEL_M)
+        });
+        let base_m = base_m.unwrap_or(0.0);
         if let Some(top_m) = top_m(attributes, &named, hints, &mut note) {
             if base_m < top_m {
                 return Self { base_m, top_m, is_without_roof: false };
@@ -127,6 +126,23 @@ pub fn has_height(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
 /// Height above the ground that attributes tell, in metres.
 pub fn known_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
     top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints, &mut |_, _| {})
+}
+
+/// Metres in the unit of plain numbers of the base and the roof.
+pub(super) fn plain_unit_m(attributes: &Attributes, hints: HeightHints<'_>) -> f64 {
+    unit_of_top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints)
+}
+
+/// Metres in the unit that is told for the top, which all heights of a building have; else in that of plain numbers.
+fn unit_of_top_m(attributes: &Attributes, named: &[NamedHeight<'_>], hints: HeightHints<'_>) -> f64 {
+    let told = match hints.field.filter(|field| attributes.get(field).is_some()) {
+        Some(field) => height_names::unit_of_name(field),
+        None => named
+            .iter()
+            .find(|height| matches!(height.role, HeightRole::Top | HeightRole::Elevation))
+            .and_then(|height| height.unit_m),
+    };
+    told.unwrap_or(hints.unit.map_or(1.0, HeightUnit::metres))
 }
 
 /// Height of the top above the ground by the attributes, except by storeys.
@@ -323,6 +339,21 @@ mod tests {
         // Dwellings.
         assert_eq!(height(r#"{"height": 100, "units": 12}"#), (0.0, 100.0, vec![]));
         assert_eq!(height(r#"{"height": "100 m", "unit": "ft"}"#).1, 100.0);
+    }
+
+    #[test]
+    fn the_base_has_the_unit_of_the_top() {
+        for feet in [
+            r#"{"HEIGHT_FT": 100, "min_height": 50}"#,
+            r#"{"height": 100, "min_height": 50, "height_unit": "ft"}"#,
+            r#"{"height": 30.48, "MIN_HEIGHT_FT": 50}"#,
+            r#"{"HEIGHT_FT": 100, "min_height": "15.24 m"}"#,
+        ] {
+            assert_eq!(height(feet), (15.24, 30.48, vec![]), "{feet}");
+        }
+        let mut attributes = Attributes::default();
+        attributes.push("HEIGHT_FT", AttributeValue::Integer(100));
+        assert_eq!(plain_unit_m(&attributes, HeightHints::default()), 0.3048);
     }
 
     #[test]

@@ -181,6 +181,24 @@ pub(super) fn unit_of_name(name: &str) -> Option<f64> {
     metres_of(last)
 }
 
+/// Metres in the unit at the end of a name, as in `min_height_ft`, if the rest is one of the names.
+pub(super) fn unit_after(name: &str, names: &[&str]) -> Option<f64> {
+    let bare = name.trim_end_matches(|c: char| !c.is_alphanumeric());
+    let tail = |bytes: usize| bare.len().checked_sub(bytes).and_then(|start| bare.get(start..));
+    let ends_with = |end: &&str| tail(end.len()).is_some_and(|tail| tail.eq_ignore_ascii_case(end));
+    // Most names have no unit. They cost little.
+    if name.len() > MAX_NAME_BYTES || !UNIT_ENDS.iter().any(ends_with) {
+        return None;
+    }
+    let key = key(name);
+    names.iter().find_map(|known| {
+        let end = key.strip_prefix(&*self::key(known))?;
+        let is_unit = |end: &&str| UNIT_ENDS.contains(end);
+        // `min_height_in_ft`, too.
+        Some(end).filter(is_unit).or_else(|| end.strip_prefix("in").filter(is_unit)).and_then(metres_of)
+    })
+}
+
 /// Role, rank and unit of a name.
 fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
     static TABLE: OnceLock<HashMap<&str, (HeightRole, usize)>> = OnceLock::new();
@@ -304,6 +322,12 @@ mod tests {
         ] {
             assert_eq!(role(name), None, "{name}");
         }
+        let base_unit = |name: &str| unit_after(name, &["min_height", "base_height"]);
+        assert_eq!((base_unit("MIN_HEIGHT_FT"), base_unit("base height (m)")), (Some(FOOT_M), Some(1.0)));
+        assert_eq!(
+            (base_unit("min_height_in_cm"), base_unit("min_height"), base_unit("height_ft")),
+            (Some(0.01), None, None)
+        );
         assert_eq!((unit_of_name("H_FT"), unit_of_name("ft"), unit_of_name("H")), (Some(FOOT_M), None, None));
     }
 }

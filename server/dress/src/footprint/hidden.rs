@@ -2,6 +2,7 @@
 //! city offices.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use super::lengths::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
@@ -17,12 +18,44 @@ pub const INDOORS: &str = "indoors";
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.
 const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
 const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel"];
-/// Values of `tunnel` that name a passage on the ground: through a building, or below a roof against snow.
-const NO_TUNNEL: &[&str] = &["building_passage", "avalanche_protector", "covered"];
+/// Values of `tunnel` that name a kind of tunnel. Others name a passage on the ground: through a building, or below a roof
+/// against snow.
+const TUNNELS: &[&str] = &["culvert", "flooded"];
 /// Names of attributes that are negative below the ground, for all kinds: storeys of OpenStreetMap, levels of Overture, the relative
 /// height of the Dutch and the position of the French base map.
 const LEVELS: &[&str] =
     &["level", "max_level", "building:max_level", "relatievehoogteligging", "relatieveh", "pos_sol"];
+/// Levels and storeys of buildings. Others are marks of missing ones, such as -9999.
+const LEVELS_RANGE: RangeInclusive<f64> = -50.0..=400.0;
+/// Words for yes, in the languages of the larger publishers. `T` is that of Shapefiles. All else tells nothing.
+const YES: &[&str] = &[
+    "yes",
+    "y",
+    "true",
+    "t",
+    "1",
+    "1.0",
+    "ja",
+    "j",
+    "wahr",
+    "oui",
+    "vrai",
+    "si",
+    "sí",
+    "verdadero",
+    "sim",
+    "vero",
+    "da",
+    "да",
+    "ano",
+    "tak",
+    "igen",
+    "kyllä",
+    "evet",
+    "はい",
+    "是",
+    "예",
+];
 /// Values of `indoor` of what is inside of a building.
 const INDOOR: &[&str] = &["room", "corridor", "area", "wall", "column", "door"];
 /// What is below the ground if its `layer` is negative. Roads and water are then in a cutting, or only below a bridge.
@@ -42,7 +75,7 @@ pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>)
     let is_one_of = |name: &str, values: &[&str]| {
         tag(name).is_some_and(|value| values.iter().any(|known| value.trim().eq_ignore_ascii_case(known)))
     };
-    let is_in_tunnel = |name: &&str| tag(name).is_some_and(|value| is_true(&value)) && !is_one_of(name, NO_TUNNEL);
+    let is_in_tunnel = |name: &&str| tag(name).is_some_and(|value| is_true(&value)) || is_one_of(name, TUNNELS);
     if IS_TUNNEL.iter().any(is_in_tunnel) {
         return Some(IN_TUNNEL);
     }
@@ -93,7 +126,7 @@ fn has_tunnel_flag(attributes: &Attributes) -> bool {
 
 /// Whether a building has storeys below the ground only.
 fn is_cellar<'t>(tag: &impl Fn(&str) -> Option<Cow<'t, str>>) -> bool {
-    let number = |names: &[&str]| names.iter().find_map(|name| tag(name)?.trim().parse::<f64>().ok());
+    let number = |names: &[&str]| names.iter().find_map(|name| level(&tag(name)?));
     let height_m = ["height", "building:height"].iter().find_map(|name| length_m(&tag(name)?));
     if height_m.is_some_and(|height_m| height_m > 0.0) || number(&["roof:levels"]).is_some_and(|levels| levels > 0.0) {
         return false;
@@ -105,21 +138,24 @@ fn is_cellar<'t>(tag: &impl Fn(&str) -> Option<Cow<'t, str>>) -> bool {
     begins_below && number(&["building:levels", "levels", "num_floors"]).is_some_and(|levels| levels <= 0.0)
 }
 
-/// Whether a text says yes. `T` and `F` are those of Shapefiles.
 fn is_true(value: &str) -> bool {
-    !matches!(value.trim().to_ascii_lowercase().as_str(), "" | "no" | "false" | "f" | "0" | "n" | "none" | "null")
+    let value = value.trim().to_lowercase();
+    YES.contains(&value.as_str())
+}
+
+fn level(text: &str) -> Option<f64> {
+    text.trim().parse::<f64>().ok().filter(|level| LEVELS_RANGE.contains(level))
 }
 
 /// The highest of levels such as `-1`, `-2;-1` or `-2--1`; `None` if they are no numbers.
 fn highest(levels: &str) -> Option<f64> {
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|level| level.is_finite());
     let one = |text: &str| {
         let text = text.trim();
         // The first character may be a sign.
         let range = text.char_indices().skip(1).find(|(_, c)| *c == '-');
-        number(text).or_else(|| {
+        level(text).or_else(|| {
             let (low, high) = text.split_at(range?.0);
-            Some(number(low)?.max(number(&high[1..])?))
+            Some(level(low)?.max(level(&high[1..])?))
         })
     };
     let all: Option<Vec<f64>> = levels.split([';', ',']).map(one).collect();
@@ -151,6 +187,7 @@ mod tests {
             (BuildingPart, &[("level", "-3--1")]),
             (Building, &[("is_underground", "true")]),
             (Building, &[("IS_UNDERGR", "1")]),
+            (Building, &[("underground", "Ja")]),
             (Building, &[("building:levels", "0"), ("building:levels:underground", "2")]),
             (BuildingPart, &[("building:min_level", "-2"), ("building:levels", "0")]),
             (BuildingPart, &[("building:min_level", "-2"), ("building:max_level", "-1")]),
@@ -181,6 +218,12 @@ mod tests {
             (Building, &[("level", "-1;0")]),
             (Building, &[("UNDERGROUN", "2")]),
             (Building, &[("level", "0-2")]),
+            (Building, &[("LEVEL", "-9999")]),
+            (Building, &[("layer", "-9999")]),
+            (Building, &[("num_floors", "-9999"), ("num_floors_underground", "2")]),
+            (Building, &[("underground", "n/a")]),
+            (Building, &[("underground", "Nein"), ("tunnel", "-")]),
+            (Building, &[("is_underground", "-9999"), ("subterranean", "nan")]),
             (Building, &[("building:levels", "3"), ("building:levels:underground", "2")]),
             (Building, &[("building:levels:underground", "1")]),
             (Building, &[("building:levels", "0"), ("building:min_level", "-1"), ("roof:levels", "1")]),

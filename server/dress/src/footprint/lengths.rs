@@ -1,6 +1,6 @@
 //! Lengths in attributes: numbers, and texts with a unit.
 
-use super::height_names::counts_storeys;
+use super::height_names::{counts_storeys, unit_after};
 use crate::roof::{self, RoofShape};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{FOOT_M, metres_of};
@@ -16,8 +16,19 @@ const INCH_M: f64 = 0.0254;
 /// A plain number is in a unit of `plain_m` metres.
 pub(super) fn roof_height_m(attributes: &Attributes, plain_m: f64) -> Option<f64> {
     let shape = text(attributes, ROOF_SHAPE).and_then(roof::roof_shape_by_name);
-    number(attributes, ROOF_HEIGHT, plain_m)
+    named_lengths(attributes, ROOF_HEIGHT, plain_m)
+        .find_map(|(_, value, unit_m)| metres(value, unit_m))
         .filter(|height_m| shape != Some(RoofShape::Flat) && ROOF_HEIGHT_RANGE_M.contains(height_m))
+}
+
+/// Names and values of the named lengths, also with a unit at the end of the name, and metres in the unit of plain numbers.
+pub(super) fn named_lengths<'a>(
+    attributes: &'a Attributes,
+    names: &'static [&'static str],
+    plain_m: f64,
+) -> impl Iterator<Item = (&'a str, &'a AttributeValue, f64)> {
+    let plain = names.iter().filter_map(move |name| Some((*name, attributes.named(name)?, plain_m)));
+    plain.chain(attributes.iter().filter_map(move |(name, value)| Some((name, value, unit_after(name, names)?))))
 }
 
 pub(super) fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {

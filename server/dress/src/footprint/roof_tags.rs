@@ -1,11 +1,10 @@
 //! The roof that attributes describe, in the names of OpenStreetMap's Simple 3D Buildings and of Overture.
 
-use super::height::{BuildingHeight, HeightHints, LEVEL_M};
+use super::height::{BuildingHeight, HeightHints, LEVEL_M, plain_unit_m};
 use super::lengths::{ROOF_HEIGHT_RANGE_M, ROOF_SHAPE, number, roof_height_m, text};
 use crate::roof;
 use crate::roof::{RoofOrientation, RoofShape, RoofSpec};
 use insula_source::attributes::Attributes;
-use insula_source::units::HeightUnit;
 
 /// Names, also as Shapefiles cut them.
 const LEVELS: &[&str] = &["roof:levels", "roof_level"];
@@ -34,7 +33,7 @@ impl RoofTags {
             return None;
         };
         let levels_m = number(attributes, LEVELS, 1.0).map(|levels| levels * LEVEL_M);
-        let height_m = roof_height_m(attributes, hints.unit.map_or(1.0, HeightUnit::metres))
+        let height_m = roof_height_m(attributes, plain_unit_m(attributes, hints))
             .or(levels_m.filter(|height_m| ROOF_HEIGHT_RANGE_M.contains(height_m)));
         let orientation = match text(attributes, ORIENTATION) {
             Some("across") => Some(RoofOrientation::Across),
@@ -83,6 +82,7 @@ fn direction_deg(attributes: &Attributes) -> Option<f64> {
 mod tests {
     use super::*;
     use insula_source::attributes::AttributeValue;
+    use insula_source::units::HeightUnit;
 
     fn attributes(entries: &[(&str, &str)]) -> Attributes {
         let mut attributes = Attributes::default();

@@ -13,6 +13,7 @@ use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
 use insula_dress::roof;
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
+use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS};
 
 /// Height of piers and breakwaters above the water.
 const PIER_M: f64 = 0.8;
@@ -145,11 +146,18 @@ impl SceneSink<'_, '_, '_> {
         let report = &mut self.report;
         report.footprints += 1;
         let canopy = Canopy::of(attributes);
-        let note = |kind: &str, detail: &str| report.problem(kind, || format!("{id}: {detail}"));
+        let mut is_told = hints.unit.is_none();
+        let note = |kind: &str, detail: &str| {
+            is_told &= !matches!(kind, GUESSED | GUESSED_FROM_LEVELS);
+            report.problem(kind, || format!("{id}: {detail}"));
+        };
         let height = match canopy {
             Some(canopy) => canopy.height(attributes, hints, note),
             None => BuildingHeight::of(attributes, hints, note),
         };
+        if is_told {
+            self.told_heights.add(id, height.top_m);
+        }
         let roof = RoofTags::of(attributes, hints, |name| {
             report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
         });

@@ -6,6 +6,7 @@ mod ground_shapes;
 mod landmark;
 mod materials;
 mod mesh_place;
+mod mesh_shape;
 mod outward;
 mod painted;
 mod plans;
@@ -13,6 +14,7 @@ mod plants;
 mod standing;
 mod surfaces;
 mod texts;
+mod told_heights;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
@@ -34,6 +36,8 @@ use insula_source::source::CitySource;
 use insula_source::subject;
 use materials::MaterialTable;
 use mesh_place::UnplacedMesh;
+use mesh_shape::MeshShape;
+use told_heights::ToldHeights;
 
 /// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
 const SURFACES_M: std::ops::RangeInclusive<f64> = -5000.0..=20_000.0;
@@ -56,6 +60,10 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     is_place_sought: bool,
     /// Of a mesh without a place.
     unplaced_mesh: Option<UnplacedMesh>,
+    /// Of a mesh of a format that tells neither its unit nor which axis points up.
+    mesh_shape: Option<MeshShape>,
+    /// Of buildings, where the user gives no unit.
+    told_heights: ToldHeights,
     /// Before `placement`, for meshes without a coordinate system.
     frame: LocalFrame,
     faces: Vec<WorldTriangle>,
@@ -83,7 +91,21 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let is_place_sought = !is_mesh;
         let is_unplaced = is_mesh && matches!(placement, Placement::Unknown);
         let unplaced_mesh = is_unplaced.then(UnplacedMesh::default);
-        Ok(Self { context, source, report, materials, placement, is_place_sought, unplaced_mesh, frame, faces, tick })
+        let (mesh_shape, told_heights) = (is_plain.then(MeshShape::default), ToldHeights::default());
+        Ok(Self {
+            context,
+            source,
+            report,
+            materials,
+            placement,
+            is_place_sought,
+            unplaced_mesh,
+            mesh_shape,
+            told_heights,
+            frame,
+            faces,
+            tick,
+        })
     }
 
     /// The source as readers take it.
@@ -105,6 +127,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
         self.report_mesh_in_degrees();
+        if let Some(shape) = &self.mesh_shape {
+            shape.note_in(self.context.options.obj_up == ObjUpAxis::Y, &mut self.report);
+        }
+        self.told_heights.note_in(&mut self.report);
         self.placement.note_in(&mut self.report);
         self.report
     }
@@ -216,6 +242,9 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         subject::set(format_args!("{}: object {}", self.report.path, object.id));
         if !self.begin(&object) {
             return Ok(());
+        }
+        if let Some(shape) = &mut self.mesh_shape {
+            shape.add(&object, |position| self.frame.apply(position));
         }
         self.seek_mesh_place(&object.shape)?;
         if (self.is_place_sought || self.context.ends_at_place || !self.placement.is_settled())

@@ -115,6 +115,10 @@ fn templates_are_placed_by_matrix_and_anchor() {
     let low =
         scene.triangles.iter().flat_map(|t| t.corners).map(|c| f64::from(c[0]) + scene.origin[0]).fold(99.0, f64::min);
     assert_eq!((low, scene.origin[2]), (10.0, 2.0));
+    // At 2 degrees north and east, still in metres.
+    let crs = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/4326"}"#;
+    let in_degrees = read(&document(&object("tree", instance), &format!("{templates}{crs}"))).0;
+    assert!((volume(&in_degrees) / 24.0 - 1.0).abs() < 0.01, "{}", volume(&in_degrees));
 
     let by_column =
         instance.replace("[0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]", "[0,1,0,0, -1,0,0,0, 0,0,3,0, 10,0,0,1]");

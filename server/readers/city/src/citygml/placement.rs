@@ -1,11 +1,9 @@
 //! Placement of implicit geometry: one template of surfaces at many places.
 
 use super::coordinates::numbers;
-use insula_place::crs::is_geographic;
+use crate::degrees::{degrees_per_metre, is_latitude_first};
 use insula_source::affine::Affine;
 
-/// Metres of a degree of latitude.
-const METRES_PER_DEGREE: f64 = 111_195.0;
 /// A matrix and a reference point that differ by less than this part of their size name the same place twice.
 const SAME_PLACE: f64 = 1e-4;
 /// Shorter translations of a matrix are offsets within the template.
@@ -16,9 +14,8 @@ const FAR_UNITS: f64 = 1000.0;
 pub(super) struct Placement {
     rows: [[f64; 4]; 3],
     reference: [f64; 3],
-    /// Units of the coordinate system for a metre east, north and up, if they are not metres; the first axis is north
-    /// then.
-    units_per_metre: Option<[f64; 3]>,
+    /// Of a metre to the east and to the north, in a system in degrees; the first axis is north then.
+    degrees_per_metre: Option<[f64; 2]>,
 }
 
 impl Placement {
@@ -32,19 +29,15 @@ impl Placement {
             }
         }
         let is_degrees = reference.is_some() && srs.is_some_and(is_latitude_first);
-        let units_per_metre = is_degrees.then(|| {
-            let north = 1.0 / METRES_PER_DEGREE;
-            [north / libm::cos(origin[0].to_radians()).max(1e-6), north, 1.0]
-        });
-        Self { rows, reference: origin, units_per_metre }
+        Self { rows, reference: origin, degrees_per_metre: is_degrees.then(|| degrees_per_metre(origin[0])) }
     }
 
     /// Position of a template's point.
     pub(super) fn apply(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [east, north, up] = self.rows.map(|[a, b, c, d]| a * x + b * y + c * z + d);
         let [first, second, height] = self.reference;
-        match self.units_per_metre {
-            Some([per_east, per_north, _]) => [first + north * per_north, second + east * per_east, height + up],
+        match self.degrees_per_metre {
+            Some([per_east, per_north]) => [first + north * per_north, second + east * per_east, height + up],
             None => [first + east, second + north, height + up],
         }
     }
@@ -72,14 +65,10 @@ fn is_same_place(rows: &[[f64; 4]; 3], reference: [f64; 3]) -> bool {
     size > FAR_UNITS && difference <= size * SAME_PLACE
 }
 
-/// Whether a coordinate system is in degrees with latitude first.
-fn is_latitude_first(srs: &str) -> bool {
-    is_geographic(srs) && !srs.contains("CRS84")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_place::crs::is_geographic;
 
     const IDENTITY_AT: &str = "1 0 0 689778 0 1 0 5333790 0 0 1 0 0 0 0 1";
 

@@ -10,6 +10,7 @@ use super::schema::{
     CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, SurfaceSemantics, ThemeValues, VertexTransform,
     shell_depth,
 };
+use crate::degrees::degrees_per_metre;
 use insula_dress::polygon::NO_AREA;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::json::position::JsonPosition;
@@ -35,17 +36,36 @@ pub(super) struct VertexFrame<'a> {
     vertices: &'a [JsonPosition],
     transform: Option<VertexTransform>,
     instance: Option<InstanceFrame>,
+    /// Positions are latitudes and longitudes, while templates are in metres.
+    is_latitude_first: bool,
 }
 
 /// Position of a template: a matrix, then the anchor is added.
 struct InstanceFrame {
     matrix: Affine,
     anchor: [f64; 3],
+    /// Of a metre to the east and to the north, in a system in degrees.
+    degrees_per_metre: Option<[f64; 2]>,
+}
+
+impl InstanceFrame {
+    fn apply(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [east, north, up] = self.matrix.rows.map(|[a, b, c, offset]| a * x + b * y + c * z + offset);
+        let [first, second, height] = self.anchor;
+        match self.degrees_per_metre {
+            Some([per_east, per_north]) => [first + north * per_north, second + east * per_east, height + up],
+            None => [first + east, second + north, height + up],
+        }
+    }
 }
 
 impl<'a> VertexFrame<'a> {
-    pub(super) fn new(vertices: &'a [JsonPosition], transform: Option<VertexTransform>) -> Self {
-        Self { vertices, transform, instance: None }
+    pub(super) fn new(
+        vertices: &'a [JsonPosition],
+        transform: Option<VertexTransform>,
+        is_latitude_first: bool,
+    ) -> Self {
+        Self { vertices, transform, instance: None, is_latitude_first }
     }
 
     /// Position of a vertex in the source's coordinate system. Fails if the index is out of range or the position invalid.
@@ -56,11 +76,8 @@ impl<'a> VertexFrame<'a> {
             return Err(ObjectFault { reason: "vertex index out of range", detail });
         };
         let mut p = self.transform.map_or(position.0, |transform| transform.apply(position.0));
-        if let Some(InstanceFrame { matrix, anchor }) = &self.instance {
-            p = std::array::from_fn(|axis| {
-                let [x, y, z, offset] = matrix.rows[axis];
-                x * p[0] + y * p[1] + z * p[2] + offset + anchor[axis]
-            });
+        if let Some(instance) = &self.instance {
+            p = instance.apply(p);
         }
         if p.iter().all(|coordinate| coordinate.abs() <= MAX_COORDINATE) {
             return Ok(p);
@@ -285,6 +302,8 @@ fn place_template<'t>(
     let matrix = instance.matrix.as_deref().map_or(Ok(Affine::IDENTITY), Affine::new);
     let matrix = matrix.map_err(|detail| ObjectFault { reason: "transformationMatrix malformed", detail })?;
     let anchor = frame.point(instance.boundaries.child(0))?;
-    let instance = Some(InstanceFrame { matrix, anchor });
-    Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, instance }))
+    let is_latitude_first = frame.is_latitude_first;
+    let degrees_per_metre = is_latitude_first.then(|| degrees_per_metre(anchor[0]));
+    let instance = Some(InstanceFrame { matrix, anchor, degrees_per_metre });
+    Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, instance, is_latitude_first }))
 }

@@ -10,6 +10,7 @@ use super::schema::{
     CityJsonAppearance, CityJsonDocument, CityJsonLod, CityObject, GeometryTemplates, ObjectOutline, ObjectText,
     VertexTransform,
 };
+use crate::degrees::is_latitude_first;
 use insula_place::crs::is_geographic;
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
@@ -22,22 +23,24 @@ use insula_source::subject;
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
 
-/// Checks a document or header, and passes on what it says of the whole. Fails if its version or coordinate system is not
-/// supported.
-pub(super) fn begin(label: &str, header: &CityJsonDocument<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+/// Checks a document or header, and passes on what it says of the whole. Returns whether positions are latitudes and longitudes.
+/// Fails if its version or coordinate system is not supported.
+pub(super) fn begin(label: &str, header: &CityJsonDocument<'_>, sink: &mut dyn ObjectSink) -> Result<bool, InputError> {
     let version = header.version.as_deref().unwrap_or("");
     if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
         let what = format!("its version is CityJSON {version}; cjio's command upgrade makes it a newer one");
         return Err(InputError::unsupported(label, what));
     }
     let metadata = header.metadata.and_then(|raw| serde_json::from_str(raw.get()).ok());
-    let Some(name) = metadata.and_then(|metadata| metadata::describe(&metadata, sink)) else { return Ok(()) };
+    let Some(name) = metadata.and_then(|metadata| metadata::describe(&metadata, sink)) else { return Ok(false) };
+    let is_latitude_first = is_latitude_first(&name);
     // As the specification says: the order of the system's definition. Writers follow it for degrees, and mostly not for
     // projected systems whose definition begins with the northing.
     sink.set_crs(&match is_geographic(&name) {
         true => CrsReference::authority(name),
         false => CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) },
-    })
+    })?;
+    Ok(is_latitude_first)
 }
 
 /// Parses an optional member. A malformed one is reported and ignored.
@@ -58,6 +61,8 @@ pub(super) struct SharedMembers<'a> {
     /// The source, for messages.
     pub(super) label: &'a str,
     pub(super) transform: Option<VertexTransform>,
+    /// Positions are latitudes and longitudes.
+    pub(super) is_latitude_first: bool,
     pub(super) templates: &'a GeometryTemplates,
     /// The appearance that the templates refer to.
     pub(super) appearance: &'a CityJsonAppearance,
@@ -86,7 +91,7 @@ pub(super) fn read_objects(
         .map(|(_, outline)| outline.map_or((None, None), |outline| (outline.attributes, outline.parents)))
         .unzip();
     let mut references = ObjectReferences {
-        frame: VertexFrame::new(batch.vertices, shared.transform),
+        frame: VertexFrame::new(batch.vertices, shared.transform, shared.is_latitude_first),
         appearance: AppearanceReader::new(batch.appearance),
         templates: shared.templates,
         template_appearance: AppearanceReader::new(shared.appearance),

@@ -64,10 +64,16 @@ fn read_sequence(
     if header.kind.as_deref() != Some("CityJSON") {
         return Err(InputError::unsupported(label, "its first line is not a CityJSON header"));
     }
-    begin(label, &header, sink)?;
+    let is_latitude_first = begin(label, &header, sink)?;
     let appearance: CityJsonAppearance = parse_member(header.appearance.take(), "appearance", sink);
     let templates: GeometryTemplates = parse_member(header.templates.take(), "geometry-templates", sink);
-    let shared = SharedMembers { label, transform: header.transform, templates: &templates, appearance: &appearance };
+    let shared = SharedMembers {
+        label,
+        transform: header.transform,
+        is_latitude_first,
+        templates: &templates,
+        appearance: &appearance,
+    };
     // The header may have objects too.
     read_feature(&shared, &header, sink)?;
     loop {

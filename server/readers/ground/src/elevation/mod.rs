@@ -28,7 +28,7 @@ use std::path::Path;
 
 use lru::LruCache;
 
-use super::raster::{AuxFile, GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
+use super::raster::{AuxFile, GeoPlace, Raster, RasterError, RasterLimits};
 use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
 use fit::fit_to_bases;
 use insula_dress::building_base::BuildingBase;
@@ -168,8 +168,9 @@ impl Elevation {
         if let Some(unit) = &facts.unknown_unit {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }
-        // Heights have one band, and hardly ever 8 bits.
-        let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
+        warnings.extend(facts.crs.other_unit.clone());
+        let (is_picture, guess) = raster.is_picture(unpacked_name(&source.name));
+        warnings.extend(guess.map(str::to_owned));
         let place = match facts.place {
             Some(place) => place,
             None => world_file(source, facts.control_points)?,

@@ -69,6 +69,8 @@ pub(crate) struct RasterCrs {
     pub(crate) height_unit_m: Option<f64>,
     /// The file's own text about its system, which may be WKT of ESRI.
     pub(crate) citation: Option<String>,
+    /// What to tell if the file gives its horizontal system another unit than the system has.
+    pub(crate) other_unit: Option<String>,
 }
 
 impl RasterCrs {

@@ -1,7 +1,7 @@
 //! The coordinate system of GeoTIFF (OGC 19-008), which LAS files have too.
 
 use super::facts::RasterCrs;
-use insula_place::crs::VerticalDatum;
+use insula_place::crs::{System, VerticalDatum, resolve};
 use insula_source::units::metres_of;
 
 /// Number of the tag, or of the record, with the keys.
@@ -72,13 +72,28 @@ impl GeoKeys {
         let is_own = horizontal.as_ref().is_some_and(|name| name.starts_with('+'));
         let unit_m = vertical.filter(|_| is_own).map(|code| VerticalDatum::from_code(code as u32).unit_m);
         let citation = [PROJECTED_CITATION_KEY, CITATION_KEY, GEOGRAPHIC_CITATION_KEY];
+        let other_unit = horizontal.as_deref().filter(|_| !is_own).and_then(|name| self.other_unit(name));
         RasterCrs {
+            other_unit,
             horizontal,
             vertical: vertical.map(|code| format!("EPSG:{}", of_datum(code).unwrap_or(code))),
             is_ellipsoidal,
             height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(|code| metres_of(&code.to_string())).or(unit_m),
             citation: citation.into_iter().find_map(|key| self.text(key)),
         }
+    }
+
+    /// What to tell if a key gives a projected system with a code another unit than it has.
+    fn other_unit(&self, system: &str) -> Option<String> {
+        let own_m = metres_of(&self.number(LINEAR_UNITS_KEY)?.to_string())?;
+        let System::Projected(definition) = resolve(system).ok()?.horizontal.system else { return None };
+        let unit_m = definition.unit_m;
+        (!definition.unit_m_is(own_m)).then(|| {
+            format!(
+                "its unit of coordinates is {own_m} m by its key, but {unit_m} m by {system}, which counts; if it is not \
+                 in its place, give it the right system with gdal_translate -a_srs"
+            )
+        })
     }
 
     /// A projection that the file defines by itself, for PROJ. `None` if its method, its datum or its unit is not known.

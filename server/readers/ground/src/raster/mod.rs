@@ -90,6 +90,13 @@ mod point_cloud {
 /// Bytes by which formats are told apart.
 const START_BYTES: u64 = 64;
 
+/// Words in names of files with heights.
+const NAMES_OF_HEIGHTS: [&str; 13] =
+    ["dem", "dtm", "dsm", "dgm", "mnt", "mns", "mne", "mdt", "mds", "height", "heights", "heightmap", "elevation"];
+const TAKEN_AS_HEIGHTS: &str = "one band of 8 bits is taken as heights, as the name of the file says";
+const TAKEN_AS_PICTURE: &str =
+    "one band of 8 bits is taken as a picture; heights need a unit, or \"dem\" in the name of the file";
+
 /// An opened raster.
 pub(crate) struct Raster {
     facts: RasterFacts,
@@ -191,6 +198,25 @@ impl Raster {
             Content::QuantizedMesh(terrain) => (terrain.bad_tiles(), terrain.bad_tile_count()),
             _ => (&[], 0),
         }
+    }
+
+    /// Whether the raster is a picture and no heights, and what is guessed about it. Heights have one band, and hardly ever 8 bits.
+    /// A mark of missing values tells nothing, because grey pictures have one, too.
+    pub(crate) fn is_picture(&self, name: &str) -> (bool, Option<&'static str>) {
+        let facts = &self.facts;
+        let is_bytes = facts.sample == SampleKind::U8;
+        let tiff = match &self.content {
+            Content::Tiff(tiff) if is_bytes && facts.bands == 1 && !tiff.has_palette() => tiff,
+            _ => return (facts.bands > 2 || is_bytes, None),
+        };
+        let RasterCrs { vertical, is_ellipsoidal, height_unit_m, .. } = &facts.crs;
+        let has_unit = height_unit_m.is_some() || facts.unknown_unit.is_some();
+        if has_unit || vertical.is_some() || *is_ellipsoidal || tiff.has_rule() {
+            return (false, None);
+        }
+        let file = name.rsplit(['/', '\\']).next().unwrap_or(name).to_lowercase();
+        let is_of_heights = file.split(|c: char| !c.is_alphabetic()).any(|word| NAMES_OF_HEIGHTS.contains(&word));
+        (!is_of_heights, Some(if is_of_heights { TAKEN_AS_HEIGHTS } else { TAKEN_AS_PICTURE }))
     }
 
     /// What is known of the raster.

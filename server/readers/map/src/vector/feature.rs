@@ -4,7 +4,7 @@ use super::geometry::Geometry;
 use super::layer::{Columns, Layer};
 use super::rings;
 use super::shape::{Facing, facing, shape_of};
-use super::told::told;
+use super::told::{guess, told};
 use insula_dress::footprint::{HeightHints, IN_TUNNEL, is_hidden};
 use insula_place::crs::is_geographic;
 use insula_place::placement::FirstShape;
@@ -88,6 +88,8 @@ pub(crate) struct FeatureWriter<'a> {
     has_only_plans: bool,
     /// Features of the layer, and level polygons among them, until it is known what these are.
     decisive: [u64; 2],
+    /// Guesses of kinds that were named for the layer.
+    guesses: Vec<&'static str>,
     count: u64,
 }
 
@@ -108,6 +110,7 @@ impl<'a> FeatureWriter<'a> {
             level_polygons,
             has_only_plans: false,
             decisive: [0; 2],
+            guesses: Vec::new(),
             count: 0,
         }
     }
@@ -117,6 +120,7 @@ impl<'a> FeatureWriter<'a> {
     pub(super) fn begin(&mut self, layer: Layer, crs: Option<String>) -> Result<(), InputError> {
         self.finish()?;
         self.decisive = [0; 2];
+        self.guesses.clear();
         self.layer = layer;
         self.is_placed = false;
         match crs {
@@ -241,7 +245,10 @@ impl<'a> FeatureWriter<'a> {
             self.sink.problem("first ring does not enclose the others, rings grouped by containment", id.clone());
         }
         add_tags(&mut attributes);
-        let told = told(&id, &attributes, &geometry, &self.layer, columns);
+        let told = told(&id, &attributes, &geometry, &self.layer, columns, self.hints());
+        if let Ok(kind) = told {
+            self.note_guess(kind, &attributes, &geometry);
+        }
         let facing = facing(&geometry);
         let feature = Feature { id, is_mixed: columns.is_mixed, told, attributes, geometry };
         if let Some(settled) = self.settled_by(facing) {
@@ -284,8 +291,7 @@ impl<'a> FeatureWriter<'a> {
         geometry.is_surface |=
             matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();
-        let hints = HeightHints { field: self.height_field, ..HeightHints::default() };
-        let shape = shape_of(geometry, told, &attributes, hints, &mut problems);
+        let shape = shape_of(geometry, told, &attributes, self.hints(), &mut problems);
         problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));
         match shape {
             Ok(shape) => {
@@ -303,6 +309,25 @@ impl<'a> FeatureWriter<'a> {
                 Ok(())
             }
         }
+    }
+
+    fn hints(&self) -> HeightHints<'a> {
+        HeightHints { field: self.height_field, ..HeightHints::default() }
+    }
+
+    /// Names a guess at the kind of an area, once for the layer.
+    fn note_guess(&mut self, kind: Option<FeatureKind>, attributes: &Attributes, geometry: &Geometry) {
+        let Some(problem) = guess(kind, attributes, geometry, &self.layer) else { return };
+        if self.guesses.contains(&problem) {
+            return;
+        }
+        self.guesses.push(problem);
+        let by_name = self.layer.kind.map_or("generic", FeatureKind::name);
+        let what_to_do = match kind {
+            Some(_) => format!("taken as {by_name}; if they are buildings, give them heights or rename the layer"),
+            None => format!("not taken as {by_name}; if they are no buildings, rename the attribute of heights"),
+        };
+        self.sink.problem(problem, format!("{}: {what_to_do}", self.layer.name));
     }
 
     fn object(&self, id: String, kind: FeatureKind, attributes: Attributes, shape: Shape) -> SourceObject {

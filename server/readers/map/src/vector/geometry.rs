@@ -52,9 +52,11 @@ impl Geometry {
         (bounds[0] <= bounds[2] && bounds[1] <= bounds[3]).then_some(bounds)
     }
 
-    /// Settles the heights of a source where each position may have one or none (not a number): they count if all have one.
+    /// Settles the heights of a source where each position may have one or none (not a number): they count if one has one.
+    /// [`Self::fill_heights`] gives the others theirs.
     pub(super) fn settle_heights(&mut self) {
-        self.has_z = self.positions().next().is_some() && self.positions().all(|position| position[2].is_finite());
+        let has_z = self.positions().any(|position| position[2].is_finite());
+        self.has_z = has_z;
         if !self.has_z {
             self.for_each_position(|position| position[2] = 0.0);
         }
@@ -63,21 +65,26 @@ impl Geometry {
     /// Gives positions whose height is missing by a mark the lowest height of the others. Without any others the geometry has no heights.
     /// Returns the first mark.
     pub(super) fn fill_heights(&mut self) -> Option<f64> {
-        let heights = || self.positions().map(|position| position[2]);
-        let mark = heights().find(|z| !HEIGHTS.contains(z)).filter(|_| self.has_z)?;
-        if let Some(lowest) = heights().filter(|z| HEIGHTS.contains(z)).reduce(f64::min) {
-            self.for_each_position(|position| {
-                if !HEIGHTS.contains(&position[2]) {
-                    position[2] = lowest;
-                }
-            });
-            return Some(mark);
-        }
-        // Bodies may be in a small unit, whose heights are large.
-        let is_mark = |z: f64| !(*HEIGHTS.start()..=LARGEST).contains(&z);
-        if self.is_surface || !heights().all(is_mark) {
+        if !self.has_z {
             return None;
         }
+        // Bodies may be in a small unit, whose heights are large.
+        for range in [HEIGHTS, *HEIGHTS.start()..=LARGEST] {
+            let heights = || self.positions().map(|position| position[2]);
+            let mark = heights().find(|z| !range.contains(z))?;
+            if let Some(lowest) = heights().filter(|z| range.contains(z)).reduce(f64::min) {
+                self.for_each_position(|position| {
+                    if !range.contains(&position[2]) {
+                        position[2] = lowest;
+                    }
+                });
+                return Some(mark);
+            }
+        }
+        if self.is_surface {
+            return None;
+        }
+        let mark = self.positions().next()?[2];
         self.has_z = false;
         self.for_each_position(|position| position[2] = 0.0);
         Some(mark)
@@ -136,5 +143,8 @@ mod tests {
             assert_eq!(geometry, Geometry { has_z: false, ..of([0.0; 3]) });
         }
         assert_eq!(filled([500_000.0; 3]), (false, false), "millimetres");
+        let mut geometry = of([500_000.0, f64::NAN, 600_000.0]);
+        assert!(geometry.fill_heights().is_some_and(f64::is_nan));
+        assert_eq!(geometry, of([500_000.0, 500_000.0, 600_000.0]));
     }
 }

@@ -20,6 +20,25 @@ pub(super) const OSM_KEYS: [&str; 14] = [
     "waterway",
 ];
 
+/// Words of layers of plants: their points are trees, and their heights those of trees.
+const TREES: &[&str] = &[
+    "tree",
+    "trees",
+    "vegetation",
+    "baum",
+    "baeume",
+    "bäume",
+    "boom",
+    "bomen",
+    "arbre",
+    "arbres",
+    "arbol",
+    "arboles",
+    "árboles",
+    "alberi",
+    "drzewa",
+];
+
 /// Words in names of layers, tables and files, in the languages of the larger publishers.
 const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::BuildingPart, &["buildingpart", "buildingparts"]),
@@ -47,6 +66,7 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
             "bygninger",
         ],
     ),
+    (FeatureKind::Vegetation, TREES),
     (FeatureKind::Bridge, &["bridge", "bridges"]),
     (FeatureKind::Tunnel, &["tunnel", "tunnels"]),
     (
@@ -70,10 +90,7 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
             "ocean",
         ],
     ),
-    (
-        FeatureKind::Vegetation,
-        &["tree", "trees", "forest", "forests", "wood", "woods", "vegetation", "park", "parks", "baeume", "bomen"],
-    ),
+    (FeatureKind::Vegetation, &["forest", "forests", "wood", "woods", "park", "parks"]),
     (
         FeatureKind::LandUse,
         &["landuse", "landcover", "parcel", "parcels", "plot", "plots", "lots", "perceel", "cadastre", "tessellation"],
@@ -120,13 +137,18 @@ pub(super) struct Layer {
     pub(super) name: String,
     /// What the name says about features whose attributes tell no kind.
     pub(super) kind: Option<FeatureKind>,
+    /// The name has a word of plants, not only one that streets and houses are called by, such as `park`.
+    pub(super) is_of_trees: bool,
     pub(super) columns: Columns,
 }
 
 impl Layer {
     /// The layer of a name and its columns.
     pub(super) fn new<'c>(name: &str, columns: impl Iterator<Item = &'c str>) -> Self {
-        Self { name: name.to_owned(), kind: kind_of_name(name), columns: Columns::new(columns) }
+        let kind = kind_of_name(name);
+        let is_of_trees =
+            kind == Some(FeatureKind::Vegetation) && words(name).iter().any(|word| TREES.contains(&word.as_str()));
+        Self { name: name.to_owned(), kind, is_of_trees, columns: Columns::new(columns) }
     }
 
     /// The layer of a file by its path: the name without folder and extension, and parts such as `type=building_part`.
@@ -135,19 +157,20 @@ impl Layer {
         let name = file.split_once('.').map_or(file, |(stem, _)| stem);
         let partition = path.split(['/', '\\']).rev().find_map(|part| part.strip_prefix("type="));
         let partition = partition.filter(|part| part.len() < 64);
-        let layer = Self::new(name, columns);
-        match partition {
-            Some(partition) => Self { name: partition.to_owned(), kind: kind_of_name(partition), ..layer },
-            None => layer,
-        }
+        Self::new(partition.unwrap_or(name), columns)
     }
 }
 
 /// The kind that a name tells: the first kind of [`WORDS`] one of whose words it has.
 fn kind_of_name(name: &str) -> Option<FeatureKind> {
+    let words = words(name);
+    let is_known = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
+    WORDS.iter().find(|(_, known)| is_known(known)).map(|(kind, _)| *kind)
+}
+
+fn words(name: &str) -> Vec<String> {
     let lower = name.to_lowercase().replace("building_part", "buildingpart").replace("land_use", "landuse");
-    let words: Vec<&str> = lower.split(|c: char| !c.is_alphabetic()).collect();
-    WORDS.iter().find(|(_, known)| words.iter().any(|word| known.contains(word))).map(|(kind, _)| *kind)
+    lower.split(|c: char| !c.is_alphabetic()).map(str::to_owned).collect()
 }
 
 #[cfg(test)]
@@ -160,6 +183,7 @@ mod tests {
         assert_eq!(kind_of_name("gis_osm_railways_free_1"), Some(FeatureKind::Rail));
         assert_eq!(kind_of_name("Waterdeel"), Some(FeatureKind::Water));
         assert_eq!(kind_of_name("waterloo"), None);
+        assert_eq!(kind_of_name("street_trees"), Some(FeatureKind::Vegetation));
         assert_eq!(kind_of_name("chiyoda_z16_8x8"), None);
         let parts = Layer::of_file("release/theme=buildings/type=building_part/part-0.zstd.parquet", [].into_iter());
         assert_eq!((parts.name.as_str(), parts.kind), ("building_part", Some(FeatureKind::BuildingPart)));

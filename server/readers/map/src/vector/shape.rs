@@ -17,6 +17,10 @@ const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
 
+/// Features of more polygons are no plans on uneven ground.
+const MAX_PARTS: usize = 256;
+/// Problem of a feature with a height and several polygons that are not level.
+const SLOPING_PLANS: &str = "polygons that are not level taken as surfaces, although the feature has a height";
 /// Problems of features of several polygons, one of which lies within another.
 const HOLE_AS_POLYGON: &str = "polygon within another of its feature that turns the other way, taken as a hole of it";
 const PART_WITHIN: &str = "polygon within another of its feature, taken as a part of it";
@@ -41,7 +45,7 @@ pub(super) fn shape_of(
         problems.push("point beside polygons or lines left out");
     }
     if has_areas {
-        if is_surface || is_in_space(&polygons, attributes, hints) {
+        if is_surface || is_in_space(&polygons, attributes, hints, problems) {
             let polygons: Vec<Surface> =
                 polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
             if polygons.is_empty() && meshes.is_empty() {
@@ -92,13 +96,21 @@ pub(super) fn facing(geometry: &Geometry) -> Facing {
     if polygon.iter().all(is_level) {
         return Facing::Level;
     }
-    let Some(ring) = polygon.first() else { return Facing::Other };
-    let extent = |axis: usize| {
-        let values = || ring.iter().map(move |position| position[axis]);
-        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
-    };
-    let square = extent(0).powi(2) + extent(1).powi(2);
-    if ring_area_vector(ring)[2].abs() < WALL_SHARE * square { Facing::Wall } else { Facing::Other }
+    if is_upright(polygon) { Facing::Wall } else { Facing::Other }
+}
+
+/// Whether a polygon covers nearly nothing on the map.
+fn is_upright(polygon: &Polygon) -> bool {
+    let Some(ring) = polygon.first() else { return false };
+    let [west, south, east, north] = extent_of(ring);
+    let square = (east - west).powi(2) + (north - south).powi(2);
+    ring_area_vector(ring)[2].abs() < WALL_SHARE * square
+}
+
+/// West, south, east and north of a ring.
+fn extent_of(ring: &Ring) -> [f64; 4] {
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    ring.iter().fold(none, |[w, s, e, n], [x, y, _]| [w.min(*x), s.min(*y), e.max(*x), n.max(*y)])
 }
 
 /// Whether all positions of a ring are at one height.
@@ -113,13 +125,35 @@ fn ground_of<'p>(positions: impl Iterator<Item = &'p [f64; 3]>, has_ground: bool
     positions.map(|position| position[2]).reduce(f64::min).filter(|_| has_ground)
 }
 
-/// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
-/// on uneven ground.
-fn is_in_space(polygons: &[Polygon], attributes: &Attributes, hints: HeightHints<'_>) -> bool {
+/// Whether polygons are surfaces in space: a ring of one is not level. Those of a building with a height are its plan on uneven
+/// ground, if none is upright and they lie apart from each other. Faces of a roof touch.
+fn is_in_space(
+    polygons: &[Polygon],
+    attributes: &Attributes,
+    hints: HeightHints<'_>,
+    problems: &mut Vec<&'static str>,
+) -> bool {
     if polygons.iter().flatten().all(is_level) {
         return false;
     }
-    !(polygons.len() == 1 && has_height(attributes, hints))
+    if !has_height(attributes, hints) {
+        return true;
+    }
+    if polygons.len() == 1 {
+        return false;
+    }
+    if polygons.iter().any(is_upright) {
+        return true;
+    }
+    let extents: Vec<[f64; 4]> = polygons.iter().filter_map(|polygon| polygon.first()).map(extent_of).collect();
+    let are_apart = |[w, s, e, n]: [f64; 4], [ow, os, oe, on]: [f64; 4]| w > oe || ow > e || s > on || os > n;
+    let is_alone =
+        |(index, extent): (usize, &[f64; 4])| extents[..index].iter().all(|other| are_apart(*extent, *other));
+    if polygons.len() <= MAX_PARTS && extents.iter().enumerate().all(is_alone) {
+        return false;
+    }
+    problems.push(SLOPING_PLANS);
+    true
 }
 
 /// The polygon without the repeated last positions of its rings; `None` if the outer ring is no ring.

@@ -3,9 +3,10 @@
 use super::geometry::Geometry;
 use super::layer::{Columns, Layer, OSM_KEYS};
 use crate::osm::{NOT_BUILT, kind_by_tags};
-use insula_dress::footprint::{HeightHints, has_height, kind_of};
+use insula_dress::footprint::{HeightHints, has_height, kind_of, known_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME};
 
 /// Why a feature of OpenStreetMap is left out that is in none of the kinds of a city, as in its own files.
 pub(super) const NO_OBJECT: &str = "no object of a city by its tags";
@@ -20,11 +21,14 @@ pub(super) fn told(
     geometry: &Geometry,
     layer: &Layer,
     columns: Columns,
+    hints: HeightHints<'_>,
 ) -> Result<Option<FeatureKind>, &'static str> {
     let is_area = !geometry.polygons.is_empty() || !geometry.meshes.is_empty();
     let plain = kind_of(attributes);
     if !is_area && geometry.lines.is_empty() {
-        return Ok(plain.or(layer.kind));
+        // Points in the file of a park need be no trees.
+        let by_layer = layer.kind.filter(|kind| *kind != FeatureKind::Vegetation || layer.is_of_trees);
+        return Ok(plain.or(by_layer));
     }
     let by_tags = kind_by_tags(attributes, is_area);
     if by_tags == Some(Err(NOT_BUILT)) {
@@ -33,24 +37,47 @@ pub(super) fn told(
     if matches!(layer.kind, Some(FeatureKind::Building | FeatureKind::BuildingPart)) {
         return Ok(plain.or(layer.kind));
     }
-    let has_height = has_height(attributes, HeightHints::default());
+    let has_height = has_height(attributes, hints);
+    // The name may be that of a street, as `park_avenue`. A plan with a height is a building, but for trees and bridges.
+    let is_plan = is_area && geometry.meshes.is_empty() && !geometry.is_surface;
+    let is_standing = is_plan && !layer.is_of_trees && !columns.is_mixed && known_height_m(attributes, hints).is_some();
+    let has_body = |kind: &FeatureKind| matches!(kind, FeatureKind::Bridge | FeatureKind::Tunnel);
+    let by_layer = layer.kind.filter(|kind| !is_standing || has_body(kind));
     let has_id = has_osm_id(id, attributes);
     if !has_id && !columns.is_of_osm && attributes.iter().filter(|(name, _)| is_osm_key(name)).count() < 2 {
         // What else has a height is a building, and the tag says what it is for.
         let by_tags = by_tags.and_then(Result::ok).filter(|_| !has_height);
-        return Ok(plain.or(by_tags).or(layer.kind));
+        return Ok(plain.or(by_tags).or(by_layer));
     }
     match by_tags {
         Some(Ok(kind)) => Ok(Some(kind)),
         // What hides a plan does not hide a body.
         Some(Err(reason)) => plain.map(Some).ok_or(reason),
         None if attributes.iter().any(|(name, _)| tells_another(name)) => match has_height && !has_id {
-            true => Ok(plain.or(layer.kind)),
+            true => Ok(plain.or(by_layer)),
             false => Err(NO_OBJECT),
         },
         // Made of OpenStreetMap, without its tags.
-        None if layer.kind.is_some() || has_height => Ok(layer.kind),
+        None if layer.kind.is_some() || has_height => Ok(by_layer),
         None => Err(NO_OBJECT),
+    }
+}
+
+/// The problem of a kind that rests on the name of the layer alone, or goes against it.
+pub(super) fn guess(
+    kind: Option<FeatureKind>,
+    attributes: &Attributes,
+    geometry: &Geometry,
+    layer: &Layer,
+) -> Option<&'static str> {
+    let by_layer = layer.kind.filter(|kind| !matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart))?;
+    if geometry.polygons.is_empty() && geometry.meshes.is_empty() {
+        return None;
+    }
+    match kind {
+        None => Some(KIND_AGAINST_NAME),
+        Some(kind) if kind != by_layer || kind_of(attributes) == Some(kind) => None,
+        Some(kind) => (kind_by_tags(attributes, true) != Some(Ok(kind))).then_some(KIND_BY_NAME),
     }
 }
 
@@ -91,7 +118,7 @@ mod tests {
             false => Geometry { lines: vec![ring], ..Geometry::default() },
         };
         let layer = Layer::new(layer, pairs.iter().map(|(name, _)| *name));
-        told(id, &attributes, &geometry, &layer, layer.columns)
+        told(id, &attributes, &geometry, &layer, layer.columns, HeightHints::default())
     }
 
     #[test]
@@ -141,6 +168,30 @@ mod tests {
             (&[("osm_id", "7"), ("fclass", "river")], "gis_osm_water_a_free_1", Ok(Some(Water))),
         ] {
             assert_eq!(kind("7", pairs, layer, true), expected, "{pairs:?}");
+        }
+    }
+
+    #[test]
+    fn names_of_layers_do_not_lay_flat_what_has_a_height() {
+        use FeatureKind::{LandUse, Vegetation, Water};
+        for (pairs, layer, expected) in [
+            (&[("height", "20")][..], "park_avenue", Ok(None)),
+            (&[("height", "20")], "lots", Ok(None)),
+            (&[("height", "0")], "lots", Ok(Some(LandUse))),
+            (&[("name", "x")], "lots", Ok(Some(LandUse))),
+            (&[("natural", "water")], "park", Ok(Some(Water))),
+            (&[("height", "20")], "street_trees", Ok(Some(Vegetation))),
+        ] {
+            assert_eq!(kind("7", pairs, layer, true), expected, "{pairs:?} {layer}");
+        }
+        let point = Geometry { points: vec![[0.0; 3]], ..Geometry::default() };
+        for (name, expected) in
+            [("park", None), ("parks_and_trees", Some(Vegetation)), ("pois", Some(FeatureKind::Generic))]
+        {
+            let layer = Layer::new(name, std::iter::empty());
+            let attributes = Attributes::default();
+            let kind = told("7", &attributes, &point, &layer, layer.columns, HeightHints::default());
+            assert_eq!(kind, Ok(expected), "{name}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::layer::LayerJson;
 use insula_source::object::CrsReference;
-use insula_source::units::metres_of;
+use insula_source::units::{FOOT_M, US_FOOT_M, metres_of};
 
 /// Codes from here on are Esri's own.
 const FIRST_ESRI_CODE: i64 = 100_000;
@@ -57,12 +57,27 @@ impl LayerPlace {
         let offset_m = offset.and_then(|elevation| {
             Some(elevation.offset? * elevation.unit.as_deref().and_then(metres_of).unwrap_or(1.0))
         });
+        let unit_m = model.and_then(|model| model.height_unit.as_deref()).and_then(metres_of);
+        let unit_m = unit_m.or(vertical.map(unit_of_vertical));
+        // Heights are converted here: the unit of the system must not be applied again. It is theirs if no other is told.
+        let crs =
+            name.map(|name| CrsReference { height_unit_m: unit_m.map(|_| 1.0), ..CrsReference::east_first(name) });
         Self {
-            crs: name.map(CrsReference::east_first),
+            crs,
             is_in_degrees,
-            height_unit_m: model.and_then(|model| model.height_unit.as_deref()).and_then(metres_of).unwrap_or(1.0),
+            height_unit_m: unit_m.unwrap_or(1.0),
             height_offset_m: offset_m.filter(|offset| offset.is_finite()).unwrap_or(0.0),
         }
+    }
+}
+
+/// Metres in the unit of a system of heights. Few are not in metres.
+fn unit_of_vertical(code: i64) -> f64 {
+    match code {
+        // NGVD 29 and NAVD 88, by the codes of EPSG and of Esri.
+        5702 | 6360 | 105_703 => US_FOOT_M,
+        8228 => FOOT_M,
+        _ => 1.0,
     }
 }
 
@@ -110,6 +125,16 @@ mod tests {
     fn units_of_heights() {
         assert_eq!(place(r#"{"heightModelInfo":{"heightUnit":"us-foot"},"ZFactor":7}"#).height_unit_m, 1200.0 / 3937.0);
         assert_eq!(place(r#"{"heightModelInfo":{"heightUnit":"cubit"},"ZFactor":0.3048}"#).height_unit_m, 1.0);
+        for (json, unit_m, of_system) in [
+            (r#"{"spatialReference":{"wkid":2263},"heightModelInfo":{"heightUnit":"us-foot"}}"#, US_FOOT_M, Some(1.0)),
+            (r#"{"spatialReference":{"wkid":2263,"vcsWkid":105703,"latestVcsWkid":6360}}"#, US_FOOT_M, Some(1.0)),
+            (r#"{"spatialReference":{"wkid":2263,"vcsWkid":8228}}"#, FOOT_M, Some(1.0)),
+            (r#"{"spatialReference":{"wkid":2263,"vcsWkid":5703}}"#, 1.0, Some(1.0)),
+            (r#"{"spatialReference":{"wkid":2263}}"#, 1.0, None),
+        ] {
+            let place = place(json);
+            assert_eq!((place.height_unit_m, place.crs.unwrap().height_unit_m), (unit_m, of_system), "{json}");
+        }
         let raised = place(r#"{"elevationInfo":{"mode":"absoluteHeight","offset":10,"unit":"foot"}}"#);
         assert_eq!(raised.height_offset_m, 3.048);
     }

@@ -97,7 +97,7 @@ fn finest_nodes_are_read_with_attributes_materials_and_places() {
     write_layer(folder.path());
     let (sink, result) = read_at(folder.path(), "3dSceneLayer.json", None);
     result.unwrap();
-    assert_eq!(sink.crs[0].name, "EPSG:4326+4979");
+    assert_eq!((sink.crs[0].name.as_str(), sink.crs[0].height_unit_m), ("EPSG:4326+4979", Some(1.0)));
     let ids: Vec<_> = sink.objects.iter().map(|object| object.id.as_str()).collect();
     assert_eq!(ids, ["70", "80"]);
     assert_eq!(sink.objects[1].attributes.get("storeys"), Some(&AttributeValue::Integer(9)));

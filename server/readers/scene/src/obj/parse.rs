@@ -6,7 +6,9 @@ use std::io::BufRead;
 
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
+use insula_source::problems::MESH_UNIT;
 use insula_source::source::{NextLine, next_line};
+use insula_source::units::metres_of;
 
 /// Longer lines are treated as damage.
 const MAX_LINE_BYTES: usize = 1 << 22;
@@ -158,7 +160,24 @@ impl<'r> ObjParser<'r> {
             "mtllib" if file.libraries.iter().any(|known| known == rest) => {}
             "mtllib" if file.libraries.len() < MAX_LIBRARIES => file.libraries.push(rest.to_owned()),
             "mtllib" => self.sink.problem("too many material libraries", format!("line {}", self.line)),
+            // Comments of the file as a whole are at its head.
+            word if word.starts_with('#') && file.positions.is_empty() => self.comment(line),
             _ => {}
+        }
+    }
+
+    /// Names a unit that a comment tells, as `# File units = inches` of SketchUp does. It is not applied: place files may scale the mesh.
+    fn comment(&mut self, line: &str) {
+        let lower = line.to_lowercase();
+        let mut words = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+        if !words.any(|word| matches!(word, "unit" | "units")) {
+            return;
+        }
+        let unit_m = words.find(|word| !matches!(*word, "1" | "in" | "is" | "are")).and_then(metres_of);
+        if let Some(unit_m) = unit_m.filter(|unit_m| *unit_m != 1.0) {
+            let advice = format!("scale the mesh, or give \"scale\": {unit_m} in its .place.json file");
+            let detail = format!("line {}: {}, taken as metres; {advice}", self.line, shorten(line));
+            self.sink.problem(MESH_UNIT, detail);
         }
     }
 
@@ -255,6 +274,23 @@ mod tests {
             ("vertex without three numbers", "line 10: v 1 x 2"),
         ];
         assert_eq!(problems, expected.map(|(kind, detail)| (kind, detail.to_owned())));
+    }
+
+    #[test]
+    fn units_in_comments_are_named() {
+        for (text, unit_m) in [
+            ("# File units = inches\nv 0 0 0\n", Some("0.0254")),
+            ("#\n# units: Centimeters\nv 0 0 0\n", Some("0.01")),
+            ("# units in mm\nv 0 0 0\n", Some("0.001")),
+            ("# File units = meters\nv 0 0 0\n", None),
+            ("# 1 unit = 100 cm\nv 0 0 0\n", None),
+            ("v 0 0 0\n# units = mm\n", None),
+        ] {
+            let problems = parsed(text).1;
+            let is_named =
+                |unit: &str| problems[0].0 == MESH_UNIT && problems[0].1.contains(&format!("\"scale\": {unit} in"));
+            assert!(unit_m.map_or(problems.is_empty(), is_named), "{text}: {problems:?}");
+        }
     }
 
     #[test]

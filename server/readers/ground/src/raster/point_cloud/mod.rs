@@ -51,7 +51,7 @@ const MIN_HOLE_CELLS: f64 = 2.0;
 const MIN_ESTIMATED_STEP_M: f64 = 1.0;
 /// Larger rasters are in a temporary file, since a city can have thousands of clouds.
 const MAX_BYTES_IN_MEMORY: usize = 1 << 24;
-const ESTIMATED: &str = "its points are not classified: the ground was estimated from the lowest ones";
+const ESTIMATED: &str = "less than 1% of its points are classified as ground: it was estimated from the lowest ones";
 
 /// The ground of a point cloud, which was read whole.
 pub(super) struct PointCloud {

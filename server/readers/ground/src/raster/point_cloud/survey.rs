@@ -10,6 +10,9 @@ const PLACES_OF_POINT: u64 = 64;
 /// Places of the table are merged until those with points have this many on average, so that those without are gaps.
 const MIN_POINTS_OF_PLACE: u64 = 8;
 
+/// Fewer points than one of so many that could be on the ground do not tell where it is: somebody classified some by hand.
+const STRAY_PART: u64 = 100;
+
 /// What is known of the points of each kind.
 pub(super) struct Survey {
     corner: [f64; 2],
@@ -60,9 +63,10 @@ impl Survey {
         *count = count.saturating_add(1);
     }
 
-    /// The best kind of points that there is.
+    /// The best kind of points that there is, but for a few stray ones.
     pub(super) fn best(&self) -> Option<(PointKind, &KindSurvey)> {
-        PointKind::ALL.into_iter().zip(&self.kinds).find(|(_, kind)| kind.points > 0)
+        let least = (self.kinds.iter().map(|kind| kind.points).sum::<u64>() / STRAY_PART).max(1);
+        PointKind::ALL.into_iter().zip(&self.kinds).find(|(_, kind)| kind.points >= least)
     }
 
     /// The area that the points of a kind cover, without gaps, in the square of the coordinates' unit.

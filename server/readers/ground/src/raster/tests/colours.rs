@@ -31,6 +31,47 @@ fn kinds_of_colours() {
 }
 
 #[test]
+fn one_band_of_bytes_is_a_picture_unless_something_tells_heights() {
+    let grey = pixels(1, 1, &[0, 7]);
+    let unit = "<GDALMetadata><Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">m</Item></GDALMetadata>";
+    let in_metres = grey.clone().tag(42112, Values::Text(unit));
+    let marked = grey.clone().tag(42113, Values::Text("0"));
+    for (image, name, is_picture, is_guess) in [
+        (&grey, "a/dem/photo.tif", true, true),
+        (&grey, "dgm1_32.tif", false, true),
+        (&marked, "photo.tif", true, true),
+        (&in_metres, "a.tif", false, false),
+        (&pixels(1, 3, &[1, 2]), "dem.tif", true, false),
+        (&pixels(3, 2, &[0; 6]), "dem.tif", true, false),
+        (&TestImage::new([2, 1], 1, [16, 2], vec![0; 4]), "a.tif", false, false),
+    ] {
+        let (found, guess) = open(&image.file()).unwrap().is_picture(name);
+        assert_eq!((found, guess.is_some()), (is_picture, is_guess), "{name}");
+    }
+}
+
+#[test]
+fn colours_of_16_bits_may_have_fewer() {
+    let wide = |numbers: [u16; 3]| {
+        let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        TestImage::new([1, 1], 3, [16, 1], bytes).shorts(262, &[2])
+    };
+    let statistics = "<GDALMetadata><Item name=\"STATISTICS_MAXIMUM\" sample=\"0\">9000</Item></GDALMetadata>";
+    for (image, expected, is_guess) in [
+        (wide([4095, 0, 819]), [255, 0, 51], true),
+        (wide([16_383, 0, 0]), [255, 0, 0], true),
+        (wide([65_535, 0, 13_107]), [255, 0, 51], false),
+        (wide([4095, 0, 0]).tag(42112, Values::Text(statistics)), [64, 0, 0], true),
+        (wide([1023, 0, 0]).shorts(281, &[1023; 3]), [255, 0, 0], false),
+        (wide([0; 3]), [0; 3], false),
+    ] {
+        let bytes = image.file();
+        assert_eq!(colours(&bytes), [[expected[0], expected[1], expected[2], 255]]);
+        assert_eq!(open(&bytes).unwrap().warning().is_some(), is_guess, "{expected:?}");
+    }
+}
+
+#[test]
 fn transparent_pixels() {
     let alpha = pixels(4, 2, &[10, 20, 30, 255, 10, 20, 30, 51]);
     assert_eq!(colours(&alpha.clone().shorts(338, &[2]).file()), [[10, 20, 30, 255], [10, 20, 30, 51]]);

@@ -72,6 +72,11 @@ fn coordinate_systems() {
     let crs = crs_of(&keys(&[[1024, 2], [2048, 4326], [4096, 5030], [4099, 9003]]), "");
     assert_eq!((crs.horizontal.as_deref(), crs.vertical, crs.is_ellipsoidal), (Some("EPSG:4326"), None, true));
     assert_eq!(crs.height_unit_m, Some(1200.0 / 3937.0));
+    // The unit of a system with a code, and another one.
+    let own = crs_of(&keys(&[[1024, 1], [3072, 2263], [3076, 9003]]), "");
+    assert_eq!((own.horizontal.as_deref(), own.other_unit), (Some("EPSG:2263"), None));
+    let other = crs_of(&keys(&[[1024, 1], [3072, 2263], [3076, 9001]]), "").other_unit.unwrap();
+    assert!(other.contains("is 1 m by its key, but 0.3048"), "{other}");
     // A projection that the file defines itself is not its geographic system.
     let directory = [1, 1, 0, 4, 1024, 0, 1, 1, 2048, 0, 1, 4326, 3072, 0, 1, 32767, 3073, TEXTS, 8, 3];
     let crs = crs_of(&directory, "xx|My grid|");

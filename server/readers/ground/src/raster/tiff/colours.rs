@@ -4,6 +4,8 @@ use super::super::error::RasterError;
 use super::super::facts::SampleKind;
 use super::layout::{Layout, YCBCR};
 
+/// Numbers of [`Layout::photometric`] that stand for colours of a list.
+pub(super) const PALETTE: u64 = 3;
 const ASSOCIATED_ALPHA: u64 = 1;
 const ALPHA: u64 = 2;
 
@@ -26,7 +28,7 @@ pub(super) struct Colours<'a> {
     colour_bands: usize,
     /// Colours are multiplied with alpha.
     is_associated: bool,
-    /// The largest number.
+    /// The brightest number.
     max: f64,
     colour_map: &'a [u64],
     nodata: Option<f64>,
@@ -40,7 +42,8 @@ pub(super) fn alpha_band(layout: &Layout) -> Option<u16> {
 }
 
 impl<'a> Colours<'a> {
-    pub(super) fn new(layout: &'a Layout, nodata: Option<f64>) -> Result<Self, RasterError> {
+    /// Colours up to `brightest`, or up to the largest number that fits.
+    pub(super) fn new(layout: &'a Layout, nodata: Option<f64>, brightest: Option<f64>) -> Result<Self, RasterError> {
         if !matches!(layout.sample, SampleKind::U8 | SampleKind::U16 | SampleKind::U32) {
             return Err(RasterError::unsupported(format!("colours of type {:?}", layout.sample)));
         }
@@ -52,7 +55,7 @@ impl<'a> Colours<'a> {
             0 => Model::InvertedGrey,
             1 => Model::Grey,
             2 | YCBCR => Model::Rgb,
-            3 => Model::Palette,
+            PALETTE => Model::Palette,
             5 => Model::Cmyk,
             other => return Err(RasterError::unsupported(format!("colours of kind {other}"))),
         };
@@ -70,7 +73,7 @@ impl<'a> Colours<'a> {
             bands: bands.chain(alpha).collect(),
             colour_bands: usize::from(used),
             is_associated: layout.extra_samples.contains(&ASSOCIATED_ALPHA),
-            max: f64::from(u32::MAX >> (32 - u32::from(layout.bits))),
+            max: brightest.unwrap_or_else(|| f64::from(u32::MAX >> (32 - u32::from(layout.bits)))),
             colour_map: &layout.colour_map,
             nodata,
         })

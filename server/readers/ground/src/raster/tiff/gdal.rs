@@ -24,6 +24,8 @@ pub(super) struct GdalTags {
     pub(super) height_unit_m: Option<f64>,
     /// A unit of height that is not known.
     pub(super) unknown_unit: Option<String>,
+    /// The largest number of any band.
+    pub(super) maximum: Option<f64>,
 }
 
 impl GdalTags {
@@ -43,6 +45,7 @@ impl GdalTags {
             },
             height_unit_m: unit.and_then(metres_of),
             unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
+            maximum: maximum(&metadata),
         })
     }
 }
@@ -53,6 +56,13 @@ fn item<'t>(metadata: &'t str, role: &str) -> Option<&'t str> {
     let items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
     let (_, text) = items.into_iter().find(|(tag, _)| tag.contains(&role) && tag.contains("sample=\"0\""))?;
     text.split_once('<').map(|(text, _)| text)
+}
+
+/// The largest number in the statistics of all bands.
+fn maximum(metadata: &str) -> Option<f64> {
+    let items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
+    let of_maximum = items.filter(|(tag, _)| tag.contains("name=\"STATISTICS_MAXIMUM\""));
+    of_maximum.filter_map(|(_, text)| text.split('<').next()?.trim().parse::<f64>().ok()).reduce(f64::max)
 }
 
 impl HeightRule {

@@ -13,18 +13,23 @@ mod unpack;
 use std::collections::HashSet;
 
 use self::chunks::{Chunks, TiffImage};
-use self::colours::{Colours, alpha_band};
+use self::colours::{Colours, PALETTE, alpha_band};
 use self::directory::{Directory, TiffFile};
 use self::gdal::{GdalTags, HeightRule};
 use self::geo::GeoTags;
 use self::layout::Layout;
 use super::error::RasterError;
-use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, Window};
+use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::source::Source;
 
 const SUBFILE_TYPE: u16 = 254;
 const REDUCED: u64 = 1;
 const MASK: u64 = 4;
+const MAX_SAMPLE_VALUE: u16 = 281;
+/// The brightest colours of cameras of 12 and 14 bits, whose pictures have 16.
+const BRIGHTEST: [f64; 2] = [4095.0, 16_383.0];
+/// Pixels along the side of a window in which the brightest is sought.
+const SAMPLED_PIXELS: u32 = 64;
 /// Files with more directories are refused.
 const MAX_DIRECTORIES: usize = 1024;
 
@@ -46,6 +51,10 @@ pub(super) struct TiffRaster {
     heights: HeightRule,
     /// The rule is that of the scale of pixels, which few writers mean.
     is_scaled: bool,
+    /// The brightest colour, if it is not the largest number.
+    brightest: Option<f64>,
+    /// It is guessed by the pixels.
+    is_brightest_guessed: bool,
 }
 
 impl TiffRaster {
@@ -69,11 +78,62 @@ impl TiffRaster {
         levels.insert(0, main);
         facts.levels = levels.iter().map(|level| level.layout.size).collect();
         facts.has_mask = masks.iter().any(|mask| mask.layout.size == facts.size);
+        let most =
+            file.integer(&first, MAX_SAMPLE_VALUE).ok().flatten().filter(|most| *most > 0).map(|most| most as f64);
         let chunks = Chunks::new(file, limits);
         let scaled = tags.heights().filter(|_| gdal.heights.is_none());
         let heights = gdal.heights.or(scaled).unwrap_or(HeightRule::AS_IS);
-        let (nodata, is_scaled) = (gdal.nodata, scaled.is_some());
-        Ok((Self { chunks, levels, masks, nodata, nodata_by_hand: None, heights, is_scaled }, facts))
+        let mut raster = Self {
+            chunks,
+            levels,
+            masks,
+            nodata: gdal.nodata,
+            nodata_by_hand: None,
+            heights,
+            is_scaled: scaled.is_some(),
+            brightest: None,
+            is_brightest_guessed: false,
+        };
+        if facts.bands > 2 && facts.sample == SampleKind::U16 && raster.has_all_bits() {
+            raster.brightest = most.filter(|most| *most < f64::from(u16::MAX));
+            if raster.brightest.is_none() {
+                raster.guess_brightest(gdal.maximum);
+            }
+        }
+        Ok((raster, facts))
+    }
+
+    /// Whether numbers have all 16 bits of their type in the file. Writers may leave the upper ones empty.
+    fn has_all_bits(&self) -> bool {
+        self.levels.first().is_some_and(|image| image.layout.bits == 16)
+    }
+
+    /// Guesses how many bits colours have by the largest number, or by that of some pixels. Few depths count, so that the pictures of
+    /// a flight are alike.
+    fn guess_brightest(&mut self, maximum: Option<f64>) {
+        let Some(maximum) = maximum.or_else(|| self.sampled_maximum()).filter(|maximum| *maximum > 0.0) else { return };
+        self.brightest = BRIGHTEST.into_iter().find(|brightest| maximum <= *brightest);
+        self.is_brightest_guessed = self.brightest.is_some();
+    }
+
+    /// The largest number of some pixels of the smallest copy. `None` if they cannot be read.
+    fn sampled_maximum(&mut self) -> Option<f64> {
+        let image = self.levels.last()?;
+        let RasterSize { width, height } = image.layout.size;
+        let side = |length: u32| length.min(SAMPLED_PIXELS);
+        let mut maximum = 0.0_f64;
+        for place in 0..9 {
+            let (x, y) = ((width - side(width)) / 2 * (place % 3), (height - side(height)) / 2 * (place / 3));
+            let window = Window { x, y, width: side(width), height: side(height) };
+            let nodata = self.nodata;
+            let each = |_: usize, _: usize, number: f64| {
+                if Some(number) != nodata {
+                    maximum = maximum.max(number);
+                }
+            };
+            self.chunks.visit(image, (&[0, 1, 2], window), 0.0, each).ok()?;
+        }
+        Some(maximum)
     }
 
     /// Makes numbers heights by another factor and summand.
@@ -82,8 +142,23 @@ impl TiffRaster {
         self.is_scaled = false;
     }
 
-    /// What is guessed about the heights.
+    /// Whether the numbers stand for colours of a list.
+    pub(super) fn has_palette(&self) -> bool {
+        self.levels.first().is_some_and(|image| image.layout.photometric == PALETTE)
+    }
+
+    /// Whether the file says how numbers become heights.
+    pub(super) fn has_rule(&self) -> bool {
+        self.heights != HeightRule::AS_IS && !self.is_scaled
+    }
+
+    /// What is guessed about the heights, or the colours.
     pub(super) fn warning(&self) -> Option<String> {
+        if let Some(brightest) = self.brightest.filter(|_| self.is_brightest_guessed) {
+            return Some(format!(
+                "colours of 16 bits are taken to be at most {brightest}, as no sampled one is larger"
+            ));
+        }
         let HeightRule { scale, offset } = self.heights;
         self.is_scaled
             .then(|| format!("heights are taken as {scale} times the numbers plus {offset}, by ModelPixelScale"))
@@ -121,7 +196,7 @@ impl TiffRaster {
         len: usize,
     ) -> Result<Vec<[u8; 4]>, RasterError> {
         let image = level_of(&self.levels, level)?;
-        let colours = Colours::new(&image.layout, self.nodata)?;
+        let colours = Colours::new(&image.layout, self.nodata, self.brightest)?;
         let mut pixels = vec![colours.start(); len];
         self.chunks.visit(image, (&colours.bands, window), self.nodata.unwrap_or(0.0), |slot, pixel, number| {
             colours.add(&mut pixels[pixel], slot, number);

@@ -29,7 +29,7 @@ impl From<&'static str> for Fault {
 type JsonRing = Vec<JsonPosition>;
 
 impl GeoJsonGeometry {
-    /// All parts of the geometry. Heights count if all positions have one.
+    /// All parts of the geometry. Heights that some positions lack are no numbers.
     pub(super) fn read(&self) -> Result<Geometry, Fault> {
         let mut geometry = Geometry::default();
         self.add_to(&mut geometry, 0)?;
@@ -184,7 +184,9 @@ mod tests {
         let points = read(r#"{"type": "MultiPoint", "coordinates": [[1, 2, 3], [4, 5, 6]]}"#).unwrap();
         assert_eq!((points.points.len(), points.has_z), (2, true));
         let lines = read(r#"{"type": "MultiLineString", "coordinates": [[[1, 2, 3], [4, 5]], []]}"#).unwrap();
-        assert_eq!((lines.lines, lines.has_z), (vec![vec![[1.0, 2.0, 0.0], [4.0, 5.0, 0.0]]], false));
+        assert!(lines.has_z && lines.lines[0][0] == [1.0, 2.0, 3.0] && lines.lines[0][1][2].is_nan(), "{lines:?}");
+        let plain = read(r#"{"type": "MultiLineString", "coordinates": [[[1, 2], [4, 5]], []]}"#).unwrap();
+        assert_eq!((plain.lines, plain.has_z), (vec![vec![[1.0, 2.0, 0.0], [4.0, 5.0, 0.0]]], false));
         let arc = r#"{"type": "CircularString", "coordinates": [[0, 0], [1, 1], [2, 0]]}"#;
         let straight = r#"{"type": "LineString", "coordinates": [[2, 0], [0, 0]]}"#;
         let curve = format!(r#"{{"type": "CompoundCurve", "geometries": [{arc}, {straight}]}}"#);

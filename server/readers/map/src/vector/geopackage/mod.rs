@@ -21,6 +21,7 @@ use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink};
+use insula_source::problems::UNSAVED;
 use tables::{Column, ColumnType, FeatureTable};
 
 /// Instructions of SQLite between two checks of the time that a row takes.
@@ -46,6 +47,11 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let connection = open.map_err(|cause| damaged(input, "database", &cause))?;
     let mut writer = FeatureWriter::new(input, sink);
     let found = tables::find(&connection).map_err(|cause| damaged(input, "list of tables", &cause))?;
+    let changes = format!("{}-wal", input.name);
+    if let Some(bytes) = input.files.len(&changes).ok().filter(|bytes| *bytes > 0) {
+        let what_to_do = "close the program that has the database open, or let it run PRAGMA wal_checkpoint(TRUNCATE)";
+        writer.sink.problem(UNSAVED, format!("{bytes} bytes in {changes}; {what_to_do}"));
+    }
     for (name, reason) in &found.left_out {
         writer.sink.problem(reason, name.clone());
     }

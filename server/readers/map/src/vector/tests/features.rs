@@ -3,6 +3,7 @@
 use super::{read, rings, run};
 use crate::vector::read_csv;
 use insula_source::object::{FeatureKind, Shape};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME};
 use insula_source::testing::TestSink;
 
 fn features(name: &str, header: &str, lines: &[&str]) -> TestSink {
@@ -32,6 +33,20 @@ fn level_polygons_are_plans_and_others_surfaces() {
     }
     assert!(matches!(sink.objects[3].shape, Shape::Footprints(_)), "a plan on uneven ground");
     assert!(kinds(&sink).iter().all(|kind| *kind == FeatureKind::Building));
+}
+
+#[test]
+fn sloping_parts_of_a_plan_are_plans() {
+    let part = |x: u32| format!("(({x} 0 0,{0} 0 0,{0} 9 2,{x} 9 2,{x} 0 0))", x + 9);
+    let lines = [[0, 20], [0, 9]].map(|[a, b]| format!("\"MULTIPOLYGON Z({},{})\";9", part(a), part(b)));
+    let sink = features("town.csv", "wkt;height", &lines.each_ref().map(String::as_str));
+    assert_eq!(rings(&sink.objects[0].shape).len(), 2);
+    assert!(matches!(sink.objects[1].shape, Shape::Surfaces { .. }), "faces of a roof touch");
+    assert!(
+        sink.problems.iter().any(|(kind, id)| kind.contains("taken as surfaces") && id == "line 3"),
+        "{:?}",
+        sink.problems
+    );
 }
 
 #[test]
@@ -115,6 +130,18 @@ fn kinds_by_tags_and_by_the_layer() {
     assert_eq!(sink.objects[0].attributes.get("height").and_then(|value| value.as_f64()), Some(12.5));
     assert!(matches!(sink.objects[2].shape, Shape::Points(_)));
     assert_eq!(sink.objects[0].source_type, "multipolygons");
+}
+
+#[test]
+fn kinds_by_the_name_of_the_layer_are_named_once() {
+    let area = "POLYGON((85000 446000,85010 446000,85000 446010,85000 446000))";
+    let lines = [format!("{area};20"), format!("{area};"), format!("{area};")];
+    let sink = features("park_avenue.csv", "wkt;height", &lines.each_ref().map(String::as_str));
+    let green = FeatureKind::Vegetation;
+    assert_eq!(kinds(&sink), [FeatureKind::Building, green, green]);
+    let named: Vec<&str> = sink.problems.iter().map(|(kind, _)| *kind).collect();
+    assert_eq!(named, [KIND_AGAINST_NAME, KIND_BY_NAME]);
+    assert!(sink.problems[1].1.starts_with("park_avenue: taken as vegetation"), "{:?}", sink.problems);
 }
 
 #[test]

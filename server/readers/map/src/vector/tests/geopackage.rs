@@ -6,6 +6,7 @@ use super::{attack, attributes, polygon_wkb, read, rings, run, square, text};
 use crate::vector::read_geopackage;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Description;
+use insula_source::problems::UNSAVED;
 
 const SCHEMA: &str = "
     CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT, srs_id INTEGER PRIMARY KEY, organization TEXT,
@@ -87,6 +88,15 @@ fn tables_of_features() {
     let problems: Vec<&str> = sink.problems.iter().map(|problem| problem.1.as_str()).collect();
     assert_eq!(problems, ["lost", "photos"]);
     assert_eq!(sink.described[0], (Description::Title, "My pand \"x\"".to_owned()));
+}
+
+#[test]
+fn changes_beside_a_database_are_named() {
+    let bytes = database(|connection| add_table(connection, "first", 28992, ""));
+    let sink = read(read_geopackage, &[("a.gpkg", &bytes), ("a.gpkg-wal", b"frames")]);
+    let [(kind, detail)] = &sink.problems[..] else { panic!("{:?}", sink.problems) };
+    assert!(*kind == UNSAVED && detail.starts_with("6 bytes in a.gpkg-wal; "), "{detail}");
+    assert!(read(read_geopackage, &[("a.gpkg", &bytes), ("a.gpkg-wal", b"")]).problems.is_empty());
 }
 
 #[test]

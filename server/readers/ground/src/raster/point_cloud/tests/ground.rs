@@ -92,6 +92,11 @@ fn clouds_without_classes() {
         let (facts, heights) = read(&bytes);
         assert_eq!(facts.size, SIZE);
         assert_heights(&heights, &[4.0; SIDE * SIDE]);
+        // A few stray points of the ground do not decide.
+        let stray = (0..9).map(|i| TestPoint::ground(f64::from(i) * 10.0 + 0.5, 50.5, 9.0));
+        let bytes = TestCloud::new(points(1).chain(stray).collect()).format(format).bytes();
+        assert!(open(&bytes).unwrap().0.warning().is_some());
+        assert_heights(&read(&bytes).1, &[4.0; SIDE * SIDE]);
     }
     // Points that are known to be above the ground are none of it.
     assert!(open(&TestCloud::new(points(5).collect()).bytes()).is_err());
