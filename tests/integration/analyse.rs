@@ -13,6 +13,7 @@ pub(crate) fn add(trials: &mut Trials) {
         lines_of_sight_say_what_stands_in_the_way,
         vistas_say_which_buildings_break_into_them,
         points_have_pictures_as_evidence,
+        proposals_say_what_they_change,
         options_that_do_not_fit_are_refused
     ]);
 }
@@ -278,4 +279,51 @@ fn options_that_do_not_fit_are_refused() {
         assert_eq!(error.lines().count(), 1, "{error}");
     }
     assert!(!folder.join("a.tif").exists() && !folder.join("a.csv").exists());
+}
+
+fn proposals_say_what_they_change() {
+    let folder = baked_city();
+    let folder = folder.path();
+    fs::write(folder.join("rule.toml"), RULE).unwrap();
+    // A tower of 60 m south of the house, whose northern shed goes.
+    let outline = serde_json::json!({
+        "type": "Polygon",
+        "coordinates": [[[85_005, 446_970], [85_015, 446_970], [85_015, 446_980], [85_005, 446_980], [85_005, 446_970]]],
+    });
+    fs::write(folder.join("tower.geojson"), outline.to_string()).unwrap();
+    let proposal =
+        "title = \"Tower\"\n[[add]]\noutline = \"tower.geojson\"\nheight_m = 60\n[[remove]]\nids = [\"feature 3\"]\n";
+    fs::write(folder.join("tower.toml"), proposal).unwrap();
+    let asked = "sun --rule rule.toml --proposal tower.toml --out lost.tif --buildings lost.csv --pdf lost.pdf";
+    assert_eq!(analyse(folder, asked), ok());
+    let lost = rows(&folder.join("lost.csv"));
+    let mean = |name: &str, column: usize| -> Option<f64> {
+        lost.iter().find(|row| row[1] == name).unwrap()[column].parse().ok()
+    };
+    let (roof, walls) = (mean("feature 1", 4).unwrap(), mean("feature 1", 8).unwrap());
+    assert!((-3.0..-0.3).contains(&roof) && (-3.0..-0.1).contains(&walls), "{lost:?}");
+    assert!(mean("feature 2", 4).unwrap().abs() < 0.5, "{lost:?}");
+    assert_eq!(mean("feature 3", 4), None, "what is removed has no value: {lost:?}");
+    // A model with a place of its own, on the ground.
+    let corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]].map(|[x, y]| format!("v {x} {y} 60\n")).concat();
+    fs::write(folder.join("roof.obj"), corners + "f 1 2 3 4\n").unwrap();
+    let model = "[[add]]\nfile = \"roof.obj\"\nplace = [4.36783, 52.00686]\nheading_deg = 30\n";
+    fs::write(folder.join("model.toml"), model).unwrap();
+    assert_eq!(analyse(folder, "sky --proposal model.toml --out sky.tif --buildings sky.csv"), ok());
+    let sky = rows(&folder.join("sky.csv"));
+    let house = sky.iter().find(|row| row[1] == "feature 1").unwrap();
+    assert!(house[4].parse::<f64>().unwrap() < -0.01, "{sky:?}");
+    for (text, expected) in [
+        ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
+        ("[[add]]\noutline = \"tower.geojson\"\n", "height_m"),
+        ("[[remove]]\nids = [\"nobody\"]\n", "nobody"),
+        ("[[remove]]\n", "ids, a filter or a polygon"),
+        ("height = 3\n", "unknown field"),
+        ("title = \"x\"\n", "neither"),
+        ("[[add]]\noutline = \"tower.geojson\"\nheight_m = 1\nbase_m = -90\n", "changes nothing"),
+    ] {
+        fs::write(folder.join("wrong.toml"), text).unwrap();
+        let (code, error) = analyse(folder, "sky --proposal wrong.toml --out sky.tif");
+        assert!(code == Some(2) && error.contains(expected), "{text}: {error}");
+    }
 }

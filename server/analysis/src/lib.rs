@@ -18,6 +18,7 @@
 //! | `rays`, `points` | the same for given points, by rays against the finest triangles |
 //! | `evidence`, `canvas` | what a point sees of the sky, as a picture |
 //! | `sight`, `vista` | lines of sight between points; what breaks into protected vistas |
+//! | `proposal` | a surface with what is added and removed, and how far values change |
 //! | `outlines` | polygons of places |
 //! | `buildings` | values of roofs and walls as a row for each building |
 
@@ -31,6 +32,7 @@ mod light;
 pub mod outlines;
 pub mod points;
 mod probable;
+pub mod proposal;
 mod raster;
 pub mod rays;
 pub mod rule;

@@ -10,7 +10,7 @@ use insula_export::{
 };
 use insula_objects::FeatureKind;
 use insula_protocol::{mesh_tile::NO_OBJECT, octahedral};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 
 /// Most cells of one analysis. They are in memory, with about 25 bytes each.
 pub const MAX_CELLS: u64 = 64 << 20;
@@ -205,8 +205,7 @@ impl CitySurface {
         let range = area
             .area()
             .map(|corners| corners.map(|corner| [0, 1].map(|k| ((corner[k] - self.corner[k]) / self.cell_m).floor())));
-        let mut cleared = self.clone();
-        let Some([low, high]) = range else { return cleared };
+        let Some([low, high]) = range else { return self.clone() };
         let span = |k: usize, side: usize| {
             let [from, to] = [low[k] - 1.0, high[k] + 2.0].map(|v| v.clamp(0.0, side as f64) as usize);
             from..to
@@ -219,20 +218,30 @@ impl CitySurface {
             })
             .collect();
         let tops = cells.iter().map(|(index, _)| self.tops.values[*index]).filter(|top| top.is_finite());
-        let Some(lowest) = tops.reduce(f32::min) else { return cleared };
-        let inside: BTreeSet<usize> =
-            cells.iter().filter(|(_, place)| area.contains_point(*place)).map(|(index, _)| *index).collect();
-        for index in &inside {
-            (cleared.tops.values[*index], cleared.normals.values[*index]) = (lowest, up());
+        let Some(lowest) = tops.reduce(f32::min) else { return self.clone() };
+        let inside = cells.iter().filter(|(_, place)| area.contains_point(*place));
+        self.changed(&inside.map(|(index, _)| (*index, (lowest, TopKind::Ground))).collect())
+    }
+
+    /// The surface with other, level tops of some cells, as metres above the base, and what they belong to.
+    pub(crate) fn changed(&self, changes: &BTreeMap<usize, (f32, TopKind)>) -> Self {
+        let mut surface = self.clone();
+        for (index, (top, _)) in changes {
+            (surface.tops.values[*index], surface.normals.values[*index]) = (*top, up());
         }
-        cleared.kinds = Kinds::new(
+        surface.walls.retain(|(index, _)| !changes.contains_key(&(*index as usize)));
+        let [width, height] = self.size();
+        surface.kinds = Kinds::new(
             width,
             (0..height).map(|y| {
-                let code = |(x, code)| if inside.contains(&(y * width + x)) { GROUND } else { code };
-                self.kinds.row(y).enumerate().map(code).collect::<Vec<u32>>()
+                let mut codes: Vec<u32> = self.kinds.row(y).collect();
+                for (index, (_, kind)) in changes.range(y * width..(y + 1) * width) {
+                    codes[index - y * width] = kind.code();
+                }
+                codes
             }),
         );
-        cleared
+        surface
     }
 
     /// Makes columns rows, or rows again, of heights and normals. Nothing else may be asked of a surface that is turned.

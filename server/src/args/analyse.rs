@@ -83,10 +83,14 @@ pub struct AnalyseArgs {
     /// the table of --buildings has a row for each building that rises above it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "of"])]
     pub vista: Option<PathBuf>,
-    /// Lines of sight of `view` from each point of a table to each of another one; --out is a table, too: whether the line is free, what
-    /// stands in the way first, and by how much it passes above all else. Columns are those of --points
+    /// Lines of sight of `view` from each point of a table to each of another one; --out is a table, too: whether each is free, its first
+    /// obstacle, and its clearance. Columns are those of --points
     #[arg(long, num_args = 2, value_names = ["FILE.csv", "FILE.csv"], conflicts_with_all = ["from", "of", "vista"])]
     pub between: Vec<PathBuf>,
+    /// Proposal, for what it changes: a TOML file of models and blocks that are added to the city, and of what is removed from it. Values
+    /// are then those after less those before, up to 500 m around it
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["points", "between", "of", "vista"])]
+    pub proposal: Option<PathBuf>,
     /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky, 5 for `solar`]
     #[arg(long, value_name = "M,M", value_delimiter = ',', value_parser = parse_height, allow_hyphen_values = true)]
     pub wall_heights: Vec<f64>,

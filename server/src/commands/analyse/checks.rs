@@ -95,11 +95,12 @@ fn name(analysis: Analysis) -> &'static str {
     }
 }
 
-/// Fails on an output that may not be written. `times` are the files of shadows.
-pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>) -> Result<(), CommandError> {
+/// Fails on an output that may not be written. `times` are the files of shadows, `read` those that a proposal names.
+pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>, read: Vec<PathBuf>) -> Result<(), CommandError> {
     let rule = args.rule.as_ref().map(PathBuf::from).filter(|path| path.is_file());
     let inputs = [Some(&args.city), rule.as_ref(), args.points.as_ref(), args.of.as_ref(), args.vista.as_ref()];
-    let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten().chain(&args.between));
+    let inputs = inputs.into_iter().chain([args.proposal.as_ref()]).flatten().chain(&args.between).chain(&read);
+    let mut outputs = Outputs::new(args.overwrite).reading(inputs);
     let kind = match () {
         () if has_points(args) => FileKind::ANALYSIS_TABLE,
         () if is_geojson(&args.out) => FileKind::GEOJSON,

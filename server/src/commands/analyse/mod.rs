@@ -2,6 +2,7 @@
 
 mod checks;
 mod files;
+mod proposal;
 mod shadow;
 mod sheet;
 mod sight;
@@ -20,6 +21,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use insula_analysis::{sky::sky_view, solar::solar_year, sun::Site, surface::CitySurface, walls::WallPoint};
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
+use proposal::{AROUND_M, Change, Proposal};
 use std::path::PathBuf;
 
 /// Heights above the ground at which walls look at the sky: an eye.
@@ -81,7 +83,9 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     check_options(args)?;
     let city = CityStore::open(&args.city)?;
     let times = if args.what == Analysis::Shadow { shadow::files(args)? } else { Vec::new() };
-    check_outputs(args, times.iter().map(|(_, files)| files.clone()).collect())?;
+    let proposal = args.proposal.as_deref().map(Proposal::read).transpose()?;
+    let read = proposal.iter().flat_map(Proposal::files).collect();
+    check_outputs(args, times.iter().map(|(_, files)| files.clone()).collect(), read)?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
@@ -95,19 +99,51 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     if let [from, to] = &args.between[..] {
         return sight::between(args, [from, to], &source, place.as_ref());
     }
+    let change = proposal.as_ref().map(|proposal| proposal.change(&source, place.as_ref())).transpose()?;
+    let area = area.or_else(|| Some(grown(change.as_ref()?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
-    let question = Question { args, source: &source, place: place.as_ref(), extent };
-    let around = area.map(|[min, max]| [min.map(|v| v - args.reach), max.map(|v| v + args.reach)]);
-    let mut surface = CitySurface::read(&source, around).map_err(failed)?;
+    let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
+    let mut question = Question { args, source: &source, place: place.as_ref(), extent };
+    let mut changed = None;
+    if let (Some(proposal), Some(change)) = (&proposal, change) {
+        let after = change.after(proposal, &surface)?;
+        if let (None, Some(where_changed)) = (area, after.changes_from(&surface)) {
+            question.extent = CellExtent::of(manifest, Some(grown(where_changed, AROUND_M))).map_err(failed)?;
+        }
+        changed = Some((change, after));
+    }
     for (moment, files) in &times {
-        write(&question, &surface, shadow::at(&surface, &question.site()?, moment)?, files)?;
+        let site = question.site()?;
+        let answer = beside(&mut surface, changed.as_mut(), |surface| shadow::at(surface, &site, moment))?;
+        write(&question, &surface, answer, files)?;
     }
     match args.what {
         Analysis::Shadow => Ok(()),
         _ => {
-            let answer = question.answer(&mut surface)?;
+            let answer = beside(&mut surface, changed.as_mut(), |surface| question.answer(surface))?;
             write(&question, &surface, answer, &Files::of(args))
         }
+    }
+}
+
+/// An area and what lies around it.
+fn grown([min, max]: [[f64; 2]; 2], metres: f64) -> [[f64; 2]; 2] {
+    [min.map(|v| v - metres), max.map(|v| v + metres)]
+}
+
+/// The answer of a surface, or what it is less after a change. Fails as `ask` does.
+fn beside(
+    surface: &mut CitySurface,
+    changed: Option<&mut (Change, CitySurface)>,
+    ask: impl Fn(&mut CitySurface) -> Result<Answer, CommandError>,
+) -> Result<Answer, CommandError> {
+    let answer = ask(surface)?;
+    match changed {
+        Some((change, after)) => {
+            let later = ask(after)?;
+            Ok(change.between([surface, after], &answer, later))
+        }
+        None => Ok(answer),
     }
 }
 

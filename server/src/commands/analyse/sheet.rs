@@ -35,6 +35,8 @@ const STOPS: [[u8; 3]; 9] = [
 ];
 /// From a plane on upwards.
 const ABOVE: [[u8; 3]; 4] = [[254, 224, 144], [253, 174, 97], [244, 109, 67], [165, 0, 38]];
+/// From less over as much as before to more.
+const CHANGES: [[u8; 3]; 5] = [[178, 24, 43], [244, 165, 130], [247, 247, 247], [146, 197, 222], [33, 102, 172]];
 const SHADOW: [u8; 3] = [60, 60, 110];
 const SEEN: [u8; 3] = [240, 120, 20];
 
@@ -115,6 +117,9 @@ fn picture(
 
 impl Colors {
     fn of(question: &Question, answer: &Answer) -> Self {
+        if question.args.proposal.is_some() {
+            return Self::of_change(question.args.what, answer);
+        }
         let highest = answer.tops.iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
         let ramp = |title: &str, highest: f64, stops: &[[u8; 3]]| {
             let highest = if highest > 0.0 { highest } else { 1.0 };
@@ -136,6 +141,22 @@ impl Colors {
             Analysis::View if question.args.of.is_some() => ramp("share that is seen", 1.0, &STOPS),
             Analysis::View => places(SEEN, "seen"),
         }
+    }
+
+    fn of_change(what: Analysis, answer: &Answer) -> Self {
+        let mut sizes: Vec<f32> = answer.tops.iter().map(|value| value.abs()).filter(|size| *size > 1e-3).collect();
+        sizes.sort_unstable_by(f32::total_cmp);
+        // A few places beside what is new lose all: they would make the rest pale.
+        let most = f64::from(sizes.get(sizes.len() * 49 / 50).copied().unwrap_or(1.0));
+        let word = match what {
+            Analysis::Sun if answer.column == "percent" => "% of probable sunlight",
+            Analysis::Sun => "hours of sun",
+            Analysis::Sky => "share of the sky",
+            Analysis::Solar => "kWh/m2 a year",
+            Analysis::Shadow => "shadow: 1 is new",
+            Analysis::View => "what is seen: 1 is new",
+        };
+        Self { title: format!("change in {word}"), range: Some([-most, most]), stops: CHANGES.to_vec(), word: "" }
     }
 
     fn of_value(&self, value: f32) -> ([u8; 3], u8) {

@@ -1,4 +1,4 @@
-//! What is seen from a place, and from where a planned building is seen.
+//! View sheds: of a place, and of a planned building.
 
 use super::{
     super::{area_file::read_polygons, error::CommandError},
@@ -70,6 +70,6 @@ fn view_of(
     let value = |(index, share)| if surface.is_known(index) { share } else { f32::NAN };
     let tops = share.into_iter().enumerate().map(value).collect();
     let title = format!("share that is seen of a building of {height} m");
-    let note = format!("the building is {height} m high; who looks has the eye {eye_m} m above ground or roof");
+    let note = format!("the building is {height} m high; eyes are {eye_m} m above ground or roof");
     Ok(Answer { tops, title, notes: vec![note], ..Answer::of_places(surface, &[], String::new()) })
 }
