@@ -7,14 +7,16 @@ use insula_tests::{
     fixtures,
     programs::{ServerProcess, program, run},
     tests,
-    trials::Trials,
+    trials::{Test, Trials, WHOLE_CITY},
 };
 use serde_json::{Value, json};
 use std::{
     fs,
     net::TcpListener,
     path::{Path, PathBuf},
-    process::{Command, Output},
+    process::{Command, Output, Stdio},
+    thread::sleep,
+    time::{Duration, Instant},
 };
 use tempfile::TempDir;
 
@@ -30,9 +32,16 @@ pub(crate) fn add(trials: &mut Trials) {
         intact_tiles_of_a_damaged_city_are_drawn,
         unusable_addresses_are_errors
     ]);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/cases/hostile");
+    let is_absent = !folder.is_dir();
+    let hostile = Test::new("small_files_that_ask_for_much_end", move || small_files_that_ask_for_much_end(&folder));
+    trials.add([hostile.ignored_if(is_absent).in_turn(&WHOLE_CITY)]);
 }
 
 type Fault = fn(&mut Value);
+
+/// Far longer than a bake of a small file takes on any machine.
+const BAKE_PATIENCE: Duration = Duration::from_secs(600);
 
 /// A temporary folder.
 struct Bench {
@@ -97,6 +106,39 @@ fn every_object_is_accounted_for(report: &Value) -> Result<()> {
             known += faults.values().filter_map(|fault| fault["count"].as_u64()).sum::<u64>();
         }
         ensure!(number("found")? == known, "{known} objects are accounted for in {source}");
+    }
+    Ok(())
+}
+
+/// Bakes of the files that are kept beside the workspace, and of the tilesets in its folders, succeed or fail with an error.
+fn small_files_that_ask_for_much_end(folder: &Path) -> Result<()> {
+    let mut inputs: Vec<PathBuf> = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
+    inputs.iter_mut().filter(|input| input.is_dir()).for_each(|input| input.push("tileset.json"));
+    inputs.retain(|input| input.extension().is_some_and(|extension| extension != "md"));
+    ensure!(!inputs.is_empty(), "{}: it has no inputs", folder.display());
+    for input in inputs {
+        let what = input.display().to_string();
+        let bench = Bench::new()?;
+        let log = bench.path("log");
+        let mut command = Command::new(program("insula-server")?);
+        command.arg("bake").arg(&input).arg("--out").arg(bench.path("city"));
+        let mut bake = command.stdout(Stdio::null()).stderr(fs::File::create(&log)?).spawn()?;
+        let begin = Instant::now();
+        let status = loop {
+            if let Some(status) = bake.try_wait()? {
+                break status;
+            }
+            if begin.elapsed() > BAKE_PATIENCE {
+                bake.kill()?;
+                bake.wait()?;
+                anyhow::bail!("{what}: the bake does not end");
+            }
+            sleep(Duration::from_millis(20));
+        };
+        let error = fs::read_to_string(&log)?;
+        let has_reason = error.lines().any(|line| line.starts_with("error: ") && line.len() > 20);
+        let has_failed = matches!(status.code(), Some(1..=3)) && has_reason && !error.contains("panicked");
+        ensure!(status.success() || has_failed, "{what}: {:?}: {error}", status.code());
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! No command removes, replaces or endlessly reads a file that it should not: every option of both programs that is a path has a case.
 
+use super::random_commands::COMMANDS;
 use clap::{Command, CommandFactory};
 use insula_client::args::Cli;
 use insula_server::args::Args;
@@ -17,8 +18,11 @@ use std::{
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         every_path_of_the_command_lines_has_a_case,
+        each_output_is_one_of_the_random_commands,
         outputs_replace_only_earlier_outputs,
-        folders_are_written_outside_of_kept_ones
+        folders_are_written_outside_of_kept_ones,
+        folders_that_are_read_stay_as_they_are,
+        addresses_without_an_answer_are_errors_that_show_no_password
     ]);
     #[cfg(target_os = "linux")]
     trials.add(tests![inputs_that_are_no_regular_files_are_refused]);
@@ -31,15 +35,20 @@ enum PathUse {
     Reads(&'static str, &'static str),
     /// The same of a file that is written.
     Writes(&'static str, &'static str),
-    /// A folder, an address or the name of something, with a reason why there is no case.
+    /// A folder or the place of a city that is read.
+    ReadsFolder(&'static str),
+    /// A folder that is written.
+    WritesFolder(&'static str),
+    /// A text, or a reason why there is no case.
     Else(&'static str),
 }
-use PathUse::{Else, Reads, Writes};
+use PathUse::{Else, Reads, ReadsFolder, Writes, WritesFolder};
 
 const SNAPSHOT: &str = "insula snapshot --server city --camera camera.json --size 16x12 --adapter cpu";
 
 const TEXT: PathUse = Else("a text");
-const FOLDER: PathUse = Else("a folder");
+/// Nobody answers here.
+const ADDRESS: &str = "http://me:s3cret@127.0.0.1:9/x";
 
 /// All options and arguments that are paths or texts, by program and command.
 const CASES: &[(&str, &[&str], PathUse)] = &[
@@ -52,7 +61,10 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["palette"], Reads("bake town.geojson --out new --palette {}", ".json")),
     ("insula-server bake", &["labels"], Reads("bake town.geojson --out new --labels {}", ".toml")),
     ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
-    ("insula-server bake", &["out", "work", "texture_root", "grids"], FOLDER),
+    ("insula-server bake", &["out"], WritesFolder("bake town.geojson --cell 4 --out {}")),
+    ("insula-server bake", &["work"], WritesFolder("bake plan --inputs town.geojson --cell 4 --work {}")),
+    ("insula-server bake", &["texture_root"], ReadsFolder("bake a.off --out new --texture-root {}")),
+    ("insula-server bake", &["grids"], ReadsFolder("bake a.off --out new --grids {}")),
     ("insula-server bake", &["job", "crs", "name", "title", "attribution", "licence", "source_url"], TEXT),
     ("insula-server bake", &["only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"], TEXT),
     ("insula-server serve", &["config"], Reads("serve city --listen 127.0.0.1:0 --config {}", ".toml")),
@@ -61,25 +73,26 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
         &["set"],
         Reads("serve city --listen 127.0.0.1:0 --set tls.certificate={} --set tls.key={}", ".pem"),
     ),
-    ("insula-server serve", &["cities"], FOLDER),
+    ("insula-server serve", &["cities"], Else("it runs until it is stopped; its tests are those of the server")),
     ("insula-server serve", &["listen", "metrics_address"], TEXT),
     ("insula-server sign", &["keys"], Reads("sign --city city --expires 1h --keys {}", ".keys")),
     ("insula-server sign", &["config"], Reads("sign --city city --expires 1h --config {}", ".toml")),
     ("insula-server sign", &["city", "version"], TEXT),
-    ("insula-server publish", &["cities", "out"], FOLDER),
+    ("insula-server publish", &["cities"], ReadsFolder("publish {} --out new")),
+    ("insula-server publish", &["out"], WritesFolder("publish city --out {}")),
     ("insula-server publish", &["config"], Reads("publish city --out site --config {}", ".toml")),
     ("insula-server publish", &["title", "url"], TEXT),
     ("insula-server inspect", &["city"], Reads("inspect {}", ".obj")),
     ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),
     ("insula-server inspect", &["ply"], Writes("inspect city --volume 0/0/0 --ply {}", ".ply")),
-    ("insula-server inspect", &["grids"], FOLDER),
+    ("insula-server inspect", &["grids"], ReadsFolder("inspect town.geojson --grids {}")),
     (
         "insula-server inspect",
         &["crs", "only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"],
         TEXT,
     ),
-    ("insula-server objects", &["city"], FOLDER),
-    ("insula-server search", &["city"], FOLDER),
+    ("insula-server objects", &["city"], ReadsFolder("objects {}")),
+    ("insula-server search", &["city"], ReadsFolder("search {} Hall")),
     ("insula-server search", &["text"], TEXT),
     (
         "insula-server analyse",
@@ -90,17 +103,28 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server analyse", &["between"], Reads("analyse city view --out new.csv --between {} town.geojson", ".csv")),
     ("insula-server analyse", &["vista"], Reads("analyse city view --out new.tif --vista {}", ".geojson")),
     ("insula-server analyse", &["of"], Reads("analyse city view --height 9 --out new.tif --of {}", ".geojson")),
+    (
+        "insula-server analyse",
+        &["proposal"],
+        Reads("analyse city sky --bbox-metres 0,0,9,9 --out new.tif --proposal {}", ".toml"),
+    ),
     ("insula-server analyse", &["out"], Writes("analyse city sky --out {}", ".tif")),
     ("insula-server analyse", &["buildings"], Writes("analyse city sky --out sky.tif --buildings {}", ".csv")),
     ("insula-server analyse", &["pdf"], Writes("analyse city sky --out sky.tif --pdf {}", ".pdf")),
-    ("insula-server analyse", &["city", "evidence"], FOLDER),
+    ("insula-server analyse", &["city"], ReadsFolder("analyse {} sky --out new.tif")),
+    (
+        "insula-server analyse",
+        &["evidence"],
+        WritesFolder("analyse city sun --rule en-17037 --points points.csv --out new.csv --evidence {}"),
+    ),
     ("insula-server analyse", &["time", "times", "time_zone"], TEXT),
     ("insula-server export", &["polygon"], Reads("export city --format csv --out new.csv --polygon {}", ".geojson")),
-    ("insula-server export", &["view"], Reads("export city --format glb --out new.glb --view {}", ".json")),
+    ("insula-server export", &["view"], Reads("export city --format glb --out new.glb --camera {}", ".json")),
     ("insula-server export", &["out"], Writes("export city --format csv --out {}", ".csv")),
-    ("insula-server export", &["city"], FOLDER),
+    ("insula-server export", &["out"], WritesFolder("export city --format 3dtiles --out {}")),
+    ("insula-server export", &["city"], ReadsFolder("export {} --format csv --out new.csv")),
     ("insula-server export", &["filter"], TEXT),
-    ("insula-server verify", &["city"], FOLDER),
+    ("insula-server verify", &["city"], ReadsFolder("verify {}")),
     ("insula-server compress", &["input"], Reads("compress {} new.insm", ".off")),
     ("insula-server compress", &["output"], Writes("compress a.off {}", ".insm")),
     ("insula-server decompress", &["input"], Reads("decompress {} new.off", ".insm")),
@@ -112,15 +136,22 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server compare", &["heatmap"], Writes("compare a.off b.off --samples 9 --heatmap {}", ".ply")),
     ("insula-server ao", &["mesh"], Reads("ao {} --out new.ply", ".off")),
     ("insula-server ao", &["out"], Writes("ao a.off --views 16 --map 64 --out {}", ".ply")),
-    ("insula-server man", &["out"], FOLDER),
-    ("insula man", &["out"], FOLDER),
-    ("insula view", &["place", "server"], FOLDER),
+    ("insula-server man", &["out"], WritesFolder("man --out {}")),
+    ("insula man", &["out"], WritesFolder("insula man --out {}")),
+    ("insula view", &["place"], ReadsFolder("insula view {}")),
+    ("insula view", &["server"], ReadsFolder("insula view --server {}")),
+    ("insula view", &["camera"], Reads("insula view city --camera {}", ".json")),
     ("insula view", &["path"], Reads("insula view city --path {}", ".json")),
     ("insula open", &["inputs"], Reads("insula open {}", ".obj")),
     ("insula open", &["server"], Reads("insula open --server {}", ".obj")),
     ("insula open", &["palette"], Reads("insula open town.geojson --palette {}", ".json")),
     ("insula demo", &["out"], Else("bakes for minutes; its check is that of `snapshot`")),
-    ("insula snapshot", &["place", "server"], FOLDER),
+    ("insula snapshot", &["place"], ReadsFolder("insula snapshot {} --size 16x12 --adapter cpu --out new.png")),
+    (
+        "insula snapshot",
+        &["server"],
+        ReadsFolder("insula snapshot --server {} --size 16x12 --adapter cpu --out new.png"),
+    ),
     (
         "insula snapshot",
         &["camera"],
@@ -133,7 +164,8 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula snapshot", &["objects_json"], Writes("SNAPSHOT --out p.png --objects-json {}", ".json")),
     ("insula snapshot", &["report"], Writes("SNAPSHOT --out p.png --report {}", ".json")),
     ("insula snapshot", &["color_by", "filter"], TEXT),
-    ("insula fly", &["place", "server"], FOLDER),
+    ("insula fly", &["place"], ReadsFolder("insula fly {} --size 16x12 --adapter cpu --path path.json")),
+    ("insula fly", &["server"], ReadsFolder("insula fly --server {} --size 16x12 --adapter cpu --path path.json")),
     ("insula fly", &["path"], Reads("insula fly --server city --size 16x12 --adapter cpu --path {}", ".json")),
     (
         "insula fly",
@@ -142,16 +174,15 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ),
     ("insula draw", &["sources"], Reads("insula draw {} --plan --out new.svg", ".obj")),
     ("insula draw", &["server"], Reads("insula draw --server {} --plan --out new.svg", ".obj")),
-    ("insula draw", &["view"], Reads("insula draw city --out new.svg --view {}", ".json")),
+    ("insula draw", &["view"], Reads("insula draw city --out new.svg --camera {}", ".json")),
     ("insula draw", &["style"], Reads("insula draw city --plan --out new.svg --style {}", ".toml")),
     ("insula draw", &["out"], Writes("insula draw city --plan --out {}", ".svg")),
     ("insula draw", &["filter", "color_by", "paper", "title"], TEXT),
     ("insula", &["city"], TEXT),
 ];
 
-/// Paths and texts of a program's commands, by program and command.
-fn in_help(program: &Command) -> BTreeMap<String, BTreeSet<String>> {
-    let types = [TypeId::of::<PathBuf>(), TypeId::of::<OsString>(), TypeId::of::<String>()];
+/// Arguments of a program's commands that are of one of these types, by program and command.
+fn in_help(program: &Command, types: &[TypeId]) -> BTreeMap<String, BTreeSet<String>> {
     let name = program.get_name();
     let named = |command: &Command| {
         if command.get_name() == name { name.to_owned() } else { format!("{name} {}", command.get_name()) }
@@ -169,11 +200,17 @@ fn in_help(program: &Command) -> BTreeMap<String, BTreeSet<String>> {
 }
 
 fn every_path_of_the_command_lines_has_a_case() {
-    let existing: BTreeMap<_, _> = in_help(&Cli::command()).into_iter().chain(in_help(&Args::command())).collect();
+    let of_types = |types: &[TypeId]| -> BTreeMap<_, _> {
+        in_help(&Cli::command(), types).into_iter().chain(in_help(&Args::command(), types)).collect()
+    };
+    let existing = of_types(&[TypeId::of::<PathBuf>(), TypeId::of::<OsString>(), TypeId::of::<String>()]);
+    let paths = of_types(&[TypeId::of::<PathBuf>()]);
     let mut known = BTreeMap::<String, BTreeSet<String>>::new();
     for (command, names, kind) in CASES {
         if let Else(reason) = kind {
             assert!(!reason.is_empty(), "{command} {names:?}: no reason");
+            let is_path = |name: &&str| paths.get(*command).is_some_and(|paths| paths.contains(*name));
+            assert!(*reason != "a text" || !names.iter().any(is_path), "{command} {names:?}: a path is no text");
         }
         known.entry((*command).to_owned()).or_default().extend(names.iter().map(|name| (*name).to_owned()));
     }
@@ -184,6 +221,30 @@ fn every_path_of_the_command_lines_has_a_case() {
     for (command, names) in &known {
         let gone: Vec<_> = names.difference(existing.get(command).unwrap_or(&BTreeSet::new())).cloned().collect();
         assert!(gone.is_empty(), "{command}: {gone:?} does not exist");
+    }
+}
+
+/// Program and command of a line.
+fn command_of(line: &str) -> [&str; 2] {
+    let mut words = line.split(' ');
+    match words.next() {
+        Some("SNAPSHOT") => ["insula", "snapshot"],
+        Some("insula") => ["insula", words.next().unwrap_or_default()],
+        command => ["insula-server", command.unwrap_or_default()],
+    }
+}
+
+fn each_output_is_one_of_the_random_commands() {
+    for line in CASES.iter().filter_map(|(.., kind)| match kind {
+        Writes(line, _) | WritesFolder(line) => Some(*line),
+        _ => None,
+    }) {
+        let (before, _) = line.split_once(" {}").unwrap();
+        let option = before.rsplit(' ').next().filter(|word| word.starts_with("--"));
+        let is_known = COMMANDS.iter().any(|known| {
+            command_of(known) == command_of(line) && option.is_none_or(|option| known.split(' ').any(|w| w == option))
+        });
+        assert!(is_known, "{line}: no line of `random_commands` has this output");
     }
 }
 
@@ -334,8 +395,9 @@ fn outputs_replace_only_earlier_outputs() {
         }
         let new = format!("out-{}-{}{end}", command.replace(' ', "-"), names[0]);
         for path in [new.clone(), new, format!("foreign{end}")] {
-            let is_foreign = path.starts_with("foreign");
-            let output = place.run(&(with(&path) + if is_foreign { " --overwrite" } else { "" }));
+            // Any file could be the bare words of a `.bin`.
+            let is_unknown = path.starts_with("foreign") || *end == ".bin" && place.path(&path).exists();
+            let output = place.run(&(with(&path) + if is_unknown { " --overwrite" } else { "" }));
             assert!(output.status.success(), "{what} to {path}: {}", String::from_utf8_lossy(&output.stderr));
             assert_ne!(fs::read(place.path(&path)).unwrap(), b"my very dear thesis");
             assert!(
@@ -351,20 +413,11 @@ fn outputs_replace_only_earlier_outputs() {
     }
 }
 
-/// The commands that write a folder.
-const FOLDERS: [&str; 6] = [
-    "bake town.geojson --cell 4 --out {}",
-    "bake plan --inputs town.geojson --cell 4 --work {}",
-    "publish city --out {}",
-    "export city --format 3dtiles --out {}",
-    "man --out {}",
-    "analyse city sun --rule en-17037 --points points.csv --out new.csv --evidence {}",
-];
-
 /// No folder is written into a city, a site or a work store, also by a path through a folder that would be created on the way.
 fn folders_are_written_outside_of_kept_ones() {
     let place = Workplace::new();
-    for line in FOLDERS {
+    let lines = CASES.iter().filter_map(|(.., kind)| if let WritesFolder(line) = kind { Some(line) } else { None });
+    for line in lines {
         let of_kept = ["city", "site", "work"].map(|kept| [format!("{kept}/new"), format!("none/../{kept}/new")]);
         for folder in of_kept.concat() {
             let before = tree(place.0.path());
@@ -374,6 +427,40 @@ fn folders_are_written_outside_of_kept_ones() {
             assert!(tree(place.0.path()) == before, "{line} to {folder} changed files: {text}");
             let _ = fs::remove_dir(place.path("none"));
         }
+    }
+}
+
+fn folders_that_are_read_stay_as_they_are() {
+    let place = Workplace::new();
+    let before = tree(&place.path("city"));
+    let lines = CASES.iter().filter_map(|(.., kind)| if let ReadsFolder(line) = kind { Some(line) } else { None });
+    for line in lines {
+        let output = place.run(&line.replace("{}", "city"));
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(matches!(output.status.code(), Some(0..=3)), "{line}: {:?} {text}", output.status);
+        assert!(tree(&place.path("city")) == before, "{line} changed the city: {text}");
+    }
+}
+
+/// An address in the place of each file and city that is read.
+fn addresses_without_an_answer_are_errors_that_show_no_password() {
+    let place = Workplace::new();
+    for (line, end) in CASES.iter().filter_map(|(.., kind)| match kind {
+        Reads(line, end) => Some((*line, *end)),
+        ReadsFolder(line) => Some((*line, "")),
+        _ => None,
+    }) {
+        // Viewers ask again for some time.
+        let asks_again =
+            ["insula draw ", "insula fly ", "insula snapshot "].iter().any(|start| line.starts_with(start));
+        let timeout = if asks_again { " --timeout 1" } else { "" };
+        let before = tree(place.0.path());
+        let output = place.run(&(line.replace("{}", &format!("{ADDRESS}{end}")) + timeout));
+        let [text, out] = [&output.stderr, &output.stdout].map(|bytes| String::from_utf8_lossy(bytes));
+        assert!(matches!(output.status.code(), Some(1..=3)), "{line}: {:?} {text}", output.status);
+        assert!(text.lines().last().is_some_and(|line| line.starts_with("error: ")), "{line}: {text}");
+        assert!(!text.contains("s3cret") && !out.contains("s3cret"), "{line}: {text} {out}");
+        assert!(tree(place.0.path()) == before, "{line} changed files: {text}");
     }
 }
 

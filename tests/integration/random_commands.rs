@@ -18,7 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// All commands that write, remove or rename. DIR, IN and OUT.EXTENSION are paths.
-const COMMANDS: [&str; 44] = [
+pub(crate) const COMMANDS: [&str; 47] = [
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --update --report OUT.json",
@@ -48,6 +48,9 @@ const COMMANDS: [&str; 44] = [
     "export city --format geotiff --out OUT.tif",
     "analyse city sky --out OUT.tif --buildings OUT.csv",
     "analyse city sun --rule en-17037 --out OUT.tif",
+    "analyse city sun --rule en-17037 --points points.csv --out OUT.csv --evidence DIR",
+    "analyse city sky --out OUT.tif --pdf OUT.pdf",
+    "analyse city view --height 9 --out OUT.tif --of IN",
     "export DIR --format glb --out OUT.glb",
     "inspect DIR --tile 0/0/0 --png OUT.png",
     "inspect DIR --volume 0/0/0 --png OUT.png --ply OUT.ply",

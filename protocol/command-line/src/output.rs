@@ -42,10 +42,12 @@ pub enum FileKind {
     Has(&'static str, &'static [&'static str]),
     /// Lines, of which the first that is no comment begins with one of these words.
     Lines(&'static str, &'static [&'static str]),
+    /// A table whose first line ends in a column of this name.
+    LastColumn(&'static str, &'static str),
     /// JSON with all of these members, or a list of such objects.
     Json(&'static str, &'static [&'static str]),
-    /// Words of four bytes, so many.
-    Words(&'static str, u64),
+    /// Nothing that tells it from other files, so that an earlier output is not known, either.
+    Unmarked(&'static str),
 }
 
 impl FileKind {
@@ -81,16 +83,17 @@ impl FileKind {
     pub const PMTILES: Self = Self::Begins("a PMTiles archive", &[b"PMTiles"]);
     /// PDF files.
     pub const PDF: Self = Self::Begins("a PDF file", &[b"%PDF"]);
-    /// DXF files.
-    pub const DXF: Self = Self::Has("a DXF file", &["SECTION"]);
+    /// DXF files, with either end of lines.
+    pub const DXF: Self =
+        Self::Begins("a DXF file", &[b"0\nSECTION\n", b"0\r\nSECTION\r", b"  0\nSECTION\n", b"  0\r\nSECTION\r"]);
     /// SVG files.
     pub const SVG: Self = Self::Has("an SVG file", &["<svg"]);
     /// GeoJSON files.
     pub const GEOJSON: Self = Self::Has("a GeoJSON file", &["\"FeatureCollection\""]);
     /// CityJSON text sequences.
     pub const CITYJSON_SEQUENCE: Self = Self::Has("a CityJSON text sequence", &["\"CityJSON\"", "\"type\""]);
-    /// Tables of objects: their last column.
-    pub const TABLE: Self = Self::Has("a table of objects", &["wkt"]);
+    /// Tables of objects.
+    pub const TABLE: Self = Self::LastColumn("a table of objects", "wkt");
     /// Tables of an analysis: of buildings, of points, of lines of sight, and of vistas.
     pub const ANALYSIS_TABLE: Self = Self::Begins(
         "a table of an analysis",
@@ -111,7 +114,7 @@ impl FileKind {
     fn name(self) -> &'static str {
         match self {
             Self::Begins(name, _) | Self::Has(name, _) | Self::Lines(name, _) | Self::Json(name, _) => name,
-            Self::Words(name, _) => name,
+            Self::LastColumn(name, _) | Self::Unmarked(name) => name,
         }
     }
 
@@ -136,10 +139,13 @@ impl FileKind {
                 let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
                 line.and_then(|line| line.split_whitespace().next()).is_some_and(|word| words.contains(&word))
             }
+            Self::LastColumn(_, column) => {
+                !head.contains(&0) && text.lines().next().is_some_and(|line| line.rsplit(',').next() == Some(column))
+            }
             Self::Json(_, members) => {
                 serde_json::from_slice::<Value>(&head).is_ok_and(|json| has_members(&json, members))
             }
-            Self::Words(_, count) => count.checked_mul(4) == Some(length),
+            Self::Unmarked(_) => false,
         }
     }
 }
@@ -428,8 +434,14 @@ mod tests {
             (r#"{"bytes":1}"#, report, false),
             (r#"[{"bytes":1,"blocks":2}]"#, report, true),
             ("[1]", report, false),
-            ("12345678", FileKind::Words("ids", 2), true),
-            ("1234567", FileKind::Words("ids", 2), false),
+            ("12345678", FileKind::Unmarked("words"), false),
+            ("id,name,wkt\r\n1,a,POINT (1 2)\r\n", FileKind::TABLE, true),
+            ("wkt\n", FileKind::TABLE, true),
+            ("what is a wkt?\n", FileKind::TABLE, false),
+            ("id,of wkt\n1,wkt\n", FileKind::TABLE, false),
+            ("0\nSECTION\n2\nHEADER\n", FileKind::DXF, true),
+            ("  0\r\nSECTION\r\n", FileKind::DXF, true),
+            ("THE SECTION OF THE LAW\n", FileKind::DXF, false),
             ("<?xml?>\n<svg>", FileKind::SVG, true),
         ] {
             fs::write(&path, text).unwrap();

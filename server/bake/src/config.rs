@@ -1,6 +1,6 @@
 //! The options of a bake: [`BakeOptions`] as given, `BakeConfig` as validated.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use insula_objects::Labels;
 use insula_protocol::{
@@ -11,6 +11,7 @@ use insula_protocol::{
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::error::BakeError;
 use crate::ground::GroundOption;
@@ -22,6 +23,7 @@ use crate::sample::SampleSettings;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::{ground, hash, mesh};
 use insula_place::PlacingOptions;
+use insula_source::source::read_file;
 
 /// Increased whenever the same scene and settings would give different tiles than before.
 pub const ALGORITHM: u32 = 15;
@@ -49,6 +51,8 @@ pub const QUALITY_DB: f32 = 36.0;
 /// Below, images show strong artefacts; above, `lossless` is smaller.
 const QUALITY_RANGE_DB: std::ops::RangeInclusive<f32> = 20.0..=60.0;
 const MAX_THREADS: usize = 1024;
+/// A longer landmark file is refused when it is read.
+const MAX_LANDMARKS_BYTES: u64 = 1 << 20;
 /// Most attributions in the options. Their texts fit into a manifest at any length.
 const MAX_OPTION_ATTRIBUTIONS: usize = 8;
 
@@ -113,6 +117,8 @@ pub struct BakeOptions {
     pub follow_links: bool,
     /// Sampling of leaves.
     pub sample: SampleSettings,
+    /// Files whose content these options have, such as that of the palette: the bake replaces and removes none of them.
+    pub named_files: Vec<PathBuf>,
     /// Allowed loss of colours and occlusion in the tiles.
     pub quality: Quality,
     /// Whether leaves get meshes, for near views.
@@ -170,6 +176,7 @@ impl Default for BakeOptions {
             texture_roots: Vec::new(),
             follow_links: false,
             sample: SampleSettings::default(),
+            named_files: Vec::new(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
             ground: GroundOption::default(),
@@ -187,12 +194,15 @@ impl Default for BakeOptions {
 }
 
 impl BakeOptions {
-    /// The paths that the bake reads on this machine, and the addresses.
+    /// The paths that the bake reads on this machine, and the addresses. Those that a landmark file names are left out if it cannot be
+    /// read, which the bake reports.
     #[must_use]
     pub fn read_paths(&self) -> Vec<PathBuf> {
         let inputs = self.inputs.iter().chain(&self.surroundings.files).chain(&self.streets);
-        let others = self.texture_roots.iter().chain(&self.placing.grids).chain(&self.landmarks);
-        inputs.flat_map(|input| named_paths(input)).chain(others.cloned()).collect()
+        let others =
+            self.texture_roots.iter().chain(&self.placing.grids).chain(&self.landmarks).chain(&self.named_files);
+        let meshes = self.landmarks.iter().flat_map(|file| meshes_of(file).unwrap_or_default());
+        inputs.flat_map(|input| named_paths(input)).chain(others.cloned()).chain(meshes).collect()
     }
 
     /// Memory that a bake with these options allocates at most, in bytes: the requested or default memory, and a
@@ -202,6 +212,13 @@ impl BakeOptions {
         let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         self.memory_bytes.unwrap_or(default_memory(threads)).saturating_add(RESERVE_BYTES)
     }
+}
+
+/// The meshes that a landmark file names, relative to its folder; `None` if it is none.
+fn meshes_of(landmarks: &Path) -> Option<Vec<PathBuf>> {
+    let file: Value = serde_json::from_slice(&read_file(landmarks, MAX_LANDMARKS_BYTES).ok()?).ok()?;
+    let folder = landmarks.parent().unwrap_or(Path::new(""));
+    Some(file["landmarks"].as_array()?.iter().filter_map(|entry| Some(folder.join(entry["mesh"].as_str()?))).collect())
 }
 
 fn default_memory(threads: usize) -> u64 {
@@ -485,6 +502,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::folder::TestFolder;
 
     fn options() -> BakeOptions {
         BakeOptions { out: "some/where/Den Haag (2024)".into(), ..BakeOptions::default() }
@@ -496,6 +514,23 @@ mod tests {
         assert_eq!(config.name, "den-haag-2024");
         assert!(config.threads >= 1);
         assert_eq!(config.settings.len(), 16);
+    }
+
+    #[test]
+    fn all_paths_that_are_read_are_known() {
+        let folder = TestFolder::new("read-paths");
+        let path = |name: &str| folder.path.join(name);
+        std::fs::write(path("l.json"), r#"{"landmarks":[{"mesh":"work/a.obj"},{"mesh":"b.ply"},{}]}"#).unwrap();
+        let options = BakeOptions {
+            inputs: vec![path("a.gml")],
+            landmarks: Some(path("l.json")),
+            named_files: vec![path("p.json")],
+            ..options()
+        };
+        let expected = ["a.gml", "l.json", "p.json", "work/a.obj", "b.ply"].map(path);
+        assert_eq!(options.read_paths(), expected);
+        let missing = BakeOptions { landmarks: Some(path("none.json")), ..options };
+        assert_eq!(missing.read_paths(), ["a.gml", "none.json", "p.json"].map(path));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipArchive};
 
 use super::file_names::{self, key};
 use super::input::{LocalFile, SourceFiles};
-use super::random_file::copy_to_disk;
+use super::random_file::copy_up_to;
 use crate::error::InputError;
 
 /// An archive with more entries is refused: each is in memory.
@@ -192,7 +192,7 @@ impl SourceFiles for ZipFiles {
     }
 
     fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
-        copy_to_disk(&mut self.open(name)?.take(MAX_COPY_BYTES))
+        copy_up_to(&mut self.open(name)?, MAX_COPY_BYTES)
     }
 
     fn location(&self) -> String {

@@ -2,12 +2,13 @@
 
 use std::io::{self, Read};
 use std::rc::Rc;
+use std::sync::Arc;
 
 use super::address_reader::{AddressReader, ListedObject};
 use super::archive::is_archive;
 use super::input::{LocalFile, SourceFiles};
-use super::random_file::RandomFile;
-use super::random_file::copy_to_disk;
+use super::input_budget::{InputBudget, MAX_INPUT_BYTES};
+use super::random_file::{RandomFile, copy_up_to};
 use super::remote::check_name;
 use super::source::{CitySource, kind_by_name};
 use super::unread_formats;
@@ -30,6 +31,7 @@ pub struct BucketFiles {
     /// Ends in `/`.
     pub folder: String,
     reader: &'static dyn AddressReader,
+    budget: Arc<InputBudget>,
 }
 
 /// Finds the files of an input. An address is that of a file if it has the name of one, else that of a folder. Fails if there is
@@ -37,7 +39,10 @@ pub struct BucketFiles {
 pub fn open(address: &str, reader: &'static dyn AddressReader) -> Result<BucketInput, InputError> {
     let io_error = |cause| InputError::io(address, cause);
     let (folder, name) = address.rsplit_once('/').unwrap_or((address, ""));
-    let files = |folder: &str| Rc::new(BucketFiles { folder: format!("{}/", folder.trim_end_matches('/')), reader });
+    let files = |folder: &str| {
+        let folder = format!("{}/", folder.trim_end_matches('/'));
+        Rc::new(BucketFiles { folder, reader, budget: Arc::new(InputBudget::start()) })
+    };
     if let Some(wild) = address.find(['*', '?', '[']) {
         let folder = address[..wild].rsplit_once('/').map_or("", |(folder, _)| folder);
         let pattern = glob::Pattern::new(address);
@@ -90,13 +95,13 @@ impl SourceFiles for BucketFiles {
     }
 
     fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
-        copy_to_disk(&mut self.open(name)?)
+        copy_up_to(&mut self.open(name)?, MAX_INPUT_BYTES)
     }
 
     fn random(&self, name: &str) -> io::Result<RandomFile> {
         let address = self.address(name)?;
         let bytes = self.reader.size(&address)?;
-        Ok(RandomFile::of_object(address, bytes, self.reader))
+        Ok(RandomFile::of_object(address, bytes, self.reader, Arc::clone(&self.budget)))
     }
 
     fn is_random(&self) -> bool {

@@ -12,6 +12,7 @@ pub mod error;
 pub mod file_names;
 pub mod files;
 pub mod input;
+mod input_budget;
 pub mod json;
 pub mod object;
 pub mod packed;

@@ -1,6 +1,6 @@
 //! Files that are read in any order: on disk, or in a bucket.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -10,6 +10,7 @@ use bytes::Bytes;
 use lru::LruCache;
 
 use super::address_reader::AddressReader;
+use super::input_budget::InputBudget;
 use super::temporary::{self, TemporaryFile};
 
 /// Bytes of one request to a bucket.
@@ -30,6 +31,15 @@ pub fn copy_to_disk(reader: &mut dyn Read) -> io::Result<LocalFile> {
     Ok(LocalFile { path: copy.path().to_owned(), copy: Some(copy) })
 }
 
+/// The same of at most `limit` bytes. Fails if there are more.
+pub fn copy_up_to(reader: &mut dyn Read, limit: u64) -> io::Result<LocalFile> {
+    let local = copy_to_disk(&mut reader.take(limit.saturating_add(1)))?;
+    if fs::metadata(&local.path)?.len() > limit {
+        return Err(io::Error::other(format!("more than the {limit} bytes that are copied to disk; split the file")));
+    }
+    Ok(local)
+}
+
 /// A file that is read in any order. Cheap to clone.
 #[derive(Clone)]
 pub struct RandomFile {
@@ -43,6 +53,8 @@ enum Content {
     Object {
         address: String,
         reader: &'static dyn AddressReader,
+        /// Of all files of the input.
+        budget: Arc<InputBudget>,
         blocks: LruCache<u64, Bytes>,
     },
 }
@@ -62,9 +74,14 @@ impl RandomFile {
     }
 
     /// An object of a bucket with `bytes` bytes.
-    pub fn of_object(address: String, bytes: u64, reader: &'static dyn AddressReader) -> Self {
+    pub(crate) fn of_object(
+        address: String,
+        bytes: u64,
+        reader: &'static dyn AddressReader,
+        budget: Arc<InputBudget>,
+    ) -> Self {
         let blocks = LruCache::new(KEPT_BLOCKS);
-        Self { content: Arc::new(Mutex::new(Content::Object { address, reader, blocks })), bytes }
+        Self { content: Arc::new(Mutex::new(Content::Object { address, reader, budget, blocks })), bytes }
     }
 
     /// Its size.
@@ -88,14 +105,16 @@ impl RandomFile {
                 file.seek(SeekFrom::Start(position))?;
                 file.read(buffer)
             }
-            Content::Object { address, reader, blocks } => {
+            Content::Object { address, reader, budget, blocks } => {
                 if position >= self.bytes {
                     return Ok(0);
                 }
                 let start = position - position % BLOCK_BYTES;
                 let block = blocks.try_get_or_insert(start, || {
                     let end = self.bytes.min(start + BLOCK_BYTES);
+                    budget.check(address)?;
                     let block = reader.range(address, start..end)?;
+                    budget.spend(block.len() as u64);
                     if block.len() as u64 == end - start { Ok(block.into()) } else { Err(changed()) }
                 })?;
                 let rest = &block[(position - start) as usize..];
@@ -122,6 +141,7 @@ impl Read for RandomReader {
 #[cfg(test)]
 mod tests {
     use super::super::address_reader::ListedObject;
+    use super::super::input_budget::MAX_INPUT_BYTES;
     use super::*;
     use std::ops::Range;
 
@@ -148,6 +168,10 @@ mod tests {
         }
     }
 
+    fn object(address: &str, bytes: u64) -> RandomFile {
+        RandomFile::of_object(address.to_owned(), bytes, &Pattern, Arc::new(InputBudget::start()))
+    }
+
     fn bytes_at(file: &RandomFile, start: u64, length: usize) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; length];
         file.reader(start).read_exact(&mut bytes).map(|()| bytes)
@@ -156,7 +180,7 @@ mod tests {
     #[test]
     fn objects_are_read_in_any_order_and_not_behind_their_end() {
         let bytes = 2 * BLOCK_BYTES + 100;
-        let object = RandomFile::of_object("s3://b/a".into(), bytes, &Pattern);
+        let object = object("s3://b/a", bytes);
         let expected = |start: u64, length: u64| (start..start + length).map(|p| (p % 251) as u8).collect::<Vec<u8>>();
         for (start, length) in [(0, 10), (BLOCK_BYTES - 5, 10), (bytes - 100, 100), (3, BLOCK_BYTES + 9)] {
             assert_eq!(bytes_at(&object, start, length as usize).unwrap(), expected(start, length), "{start} {length}");
@@ -165,6 +189,26 @@ mod tests {
         let mut rest = Vec::new();
         object.reader(bytes - 7).read_to_end(&mut rest).unwrap();
         assert_eq!(rest, expected(bytes - 7, 7));
-        assert!(bytes_at(&RandomFile::of_object("s3://b/short".into(), 99, &Pattern), 0, 1).is_err());
+        assert!(bytes_at(&self::object("s3://b/short", 99), 0, 1).is_err());
+    }
+
+    #[test]
+    fn an_input_without_end_is_given_up() {
+        let budget = Arc::new(InputBudget::start());
+        let of = |name: &str| RandomFile::of_object(name.into(), 2 * BLOCK_BYTES, &Pattern, Arc::clone(&budget));
+        let first = of("s3://b/a");
+        bytes_at(&first, 0, 1).unwrap();
+        budget.spend(MAX_INPUT_BYTES);
+        for file in [first, of("s3://b/b")] {
+            let error = bytes_at(&file, BLOCK_BYTES, 1).unwrap_err().to_string();
+            assert!(error.contains(&format!("more than {MAX_INPUT_BYTES} bytes in all")), "{error}");
+        }
+    }
+
+    #[test]
+    fn longer_files_are_not_copied_in_part() {
+        let copied = |limit| copy_up_to(&mut &b"some text"[..], limit);
+        assert_eq!(fs::read(copied(9).unwrap().path.as_path()).unwrap(), b"some text");
+        assert!(copied(8).unwrap_err().to_string().contains("more than the 8 bytes"));
     }
 }

@@ -1,24 +1,20 @@
 //! Files on a web server: a tileset and its tiles, or any other city file.
 
-use std::cell::Cell;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Cursor, Read};
-use std::time::{Duration, Instant};
 
 use insula_protocol::route::without_secrets;
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 use super::address_reader::AddressReader;
 use super::input::{LocalFile, SourceFiles};
+use super::input_budget::InputBudget;
 use super::random_file::copy_to_disk;
 use super::source::{CitySource, kind_by_name};
 use crate::error::InputError;
 
 /// Larger files are refused: each is in memory.
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// Most bytes, and longest time, of all files of an input: a server that makes tiles as they are asked for has no end.
-const MAX_INPUT_BYTES: u64 = 256 << 30;
-const MAX_INPUT_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 /// Characters of a file's name that an address cannot have, and `\\`, which is another `/` in it. Names in tilesets are decoded before.
 const ESCAPED: &AsciiSet =
     &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`').add(b'\\');
@@ -44,8 +40,7 @@ struct RemoteFiles {
     /// Query of the input's address, from `?` on: all its files need the same signature or key.
     query: String,
     reader: &'static dyn AddressReader,
-    bytes: Cell<u64>,
-    start: Instant,
+    budget: InputBudget,
 }
 
 /// The source at an address of a web server. Fails if its name is not that of a city file.
@@ -59,7 +54,7 @@ pub fn source(url: &str, reader: &'static dyn AddressReader) -> Result<CitySourc
         return Err(InputError::unknown_format(&label, what));
     }
     let (folder, query) = (format!("{folder}/"), query.to_owned());
-    let files = RemoteFiles { folder, query, reader, bytes: Cell::new(0), start: Instant::now() };
+    let files = RemoteFiles { folder, query, reader, budget: InputBudget::start() };
     let name = percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned();
     Ok(CitySource::new(label, name, std::rc::Rc::new(files), 0))
 }
@@ -73,16 +68,9 @@ impl RemoteFiles {
             own => format!("{own}{}", self.query.replacen('?', "&", 1)),
         };
         let url = format!("{}{}{query}", self.folder, utf8_percent_encode(path, ESCAPED));
-        let left = MAX_INPUT_BYTES.saturating_sub(self.bytes.get());
-        let exceeded = |what: String| Err(io::Error::other(format!("{}: {what}", without_secrets(&self.folder))));
-        if left == 0 {
-            return exceeded(format!("more than {MAX_INPUT_BYTES} bytes in all"));
-        }
-        if self.start.elapsed() > MAX_INPUT_TIME {
-            return exceeded(format!("longer than {} s in all", MAX_INPUT_TIME.as_secs()));
-        }
+        self.budget.check(&self.folder)?;
         let bytes = self.reader.fetch(&url, MAX_FILE_BYTES)?;
-        self.bytes.set(self.bytes.get() + bytes.len() as u64);
+        self.budget.spend(bytes.len() as u64);
         Ok(bytes)
     }
 }

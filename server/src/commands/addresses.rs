@@ -1,10 +1,10 @@
 //! Reads city files from web servers and buckets for `bake` and `inspect`.
 
 use super::{
-    bucket_client::RefusedKeys,
+    bucket_client::{MAX_OBJECTS, RefusedKeys, list_of},
     work_store::{io_error, open_bucket},
 };
-use futures_util::{StreamExt, TryStreamExt};
+use futures_util::StreamExt;
 use insula_bake::read::{AddressReader, ListedObject};
 use insula_command_line::http::{self, Elsewhere, Redirects};
 use insula_protocol::route::{host_of, without_secrets};
@@ -23,8 +23,6 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 /// A file may take this long, and longer if it comes with more than [`MIN_BYTES_PER_S`].
 const MIN_FILE_TIME: Duration = Duration::from_secs(120);
 const MIN_BYTES_PER_S: u64 = 10_000;
-/// Most objects below a folder of a bucket.
-const MAX_OBJECTS: usize = 4_000_000;
 
 /// The addresses that this program reads: each thread has its own client.
 #[derive(Debug)]
@@ -143,7 +141,7 @@ impl AddressReader for Addresses {
 
     fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>> {
         let list = async |store: AmazonS3, prefix: ObjectPath| {
-            let found: Vec<ObjectMeta> = store.list(Some(&prefix)).take(MAX_OBJECTS + 1).try_collect().await?;
+            let found = list_of(store.list(Some(&prefix)), MAX_OBJECTS).await?;
             let object = |meta: &ObjectMeta| {
                 let parts = meta.location.prefix_match(&prefix)?;
                 let name = parts.map(|part| part.as_ref().to_owned()).collect::<Vec<_>>().join("/");
@@ -159,11 +157,6 @@ impl AddressReader for Addresses {
             objects.extend(refused.iter().filter_map(name).map(|name| ListedObject { name, bytes: 0 }));
             Ok(objects)
         })?;
-        if objects.len() > MAX_OBJECTS {
-            return Err(io::Error::other(format!(
-                "more than {MAX_OBJECTS} objects: give a smaller folder, or a pattern"
-            )));
-        }
         objects.sort_unstable_by(|a, b| a.name.cmp(&b.name));
         Ok(objects)
     }

@@ -26,9 +26,11 @@ use insula_protocol::{
     manifest::Attribution,
     text::{count, human_bytes, printable, shell_word},
 };
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
-/// Longer files are not taken for a report.
 /// Default memory of a bake with scans: a block with a million triangles takes 800 MiB.
 const MEMORY_OF_SCANS: u64 = 1200 << 20;
 /// A longer file of a stone is cut, and refused.
@@ -101,9 +103,6 @@ const REPORT: FileKind = FileKind::Json("a report of a bake", &["blocks_baked", 
 
 /// Fails if the report would overwrite anything but an earlier report: what the bake reads, or another file.
 fn check_report(report: &Path, args: &BakeArgs, options: &BakeOptions) -> Result<(), CommandError> {
-    let mut inputs = options.read_paths();
-    inputs.extend(args.palette.iter().chain(&args.labels).cloned());
-    inputs.extend(args.stone.as_ref().map(Into::into));
     // Neither may exist yet.
     for folder in [args.out.clone(), insula_bake::kept_work::scratch_folder(&args.out)] {
         if canonical(report).starts_with(canonical(&folder)) {
@@ -111,7 +110,7 @@ fn check_report(report: &Path, args: &BakeArgs, options: &BakeOptions) -> Result
             return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
         }
     }
-    check_output(report, REPORT, inputs, args.overwrite)
+    check_output(report, REPORT, options.read_paths(), args.overwrite)
 }
 
 /// The kinds of these names. Fails with the names that exist if one does not.
@@ -153,6 +152,9 @@ pub(super) fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
 pub(super) fn height_unit(args: &ReadArgs) -> Option<HeightUnit> {
     args.height_unit.map(|unit| match unit {
         LengthUnit::M => HeightUnit::Metre,
+        LengthUnit::Dm => HeightUnit::Decimetre,
+        LengthUnit::Cm => HeightUnit::Centimetre,
+        LengthUnit::Mm => HeightUnit::Millimetre,
         LengthUnit::Ft => HeightUnit::Foot,
     })
 }
@@ -166,9 +168,22 @@ pub(super) fn duplicates(args: &ReadArgs) -> DuplicateOption {
     }
 }
 
+/// The files of the palette, the labels and the stone, whose content becomes part of the options.
+pub(super) fn named_files(args: &BakeArgs) -> Vec<PathBuf> {
+    let is_word = |palette: &Path| matches!(palette.to_str(), Some("harmonised" | "source"));
+    let palette = args.palette.iter().filter(|palette| !is_word(palette)).cloned();
+    let stone = args.stone.iter().filter(|stone| is_stone_file(stone)).map(PathBuf::from);
+    palette.chain(args.labels.clone()).chain(stone).collect()
+}
+
+/// Whether `--stone` names a file rather than a preset.
+fn is_stone_file(value: &str) -> bool {
+    Path::new(value).extension().is_some_and(|extension| extension == "json")
+}
+
 /// JSON text of a stone: a file's, or that of a preset. Fails if the file cannot be read.
 fn stone_of(value: &str) -> Result<String, CommandError> {
-    if !value.ends_with(".json") {
+    if !is_stone_file(value) {
         return Ok(serde_json::json!({ "preset": value }).to_string());
     }
     let failed = |error: std::io::Error| CommandError::Bake(format!("{value}: {error}"));
@@ -244,6 +259,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
             UpAxis::Y => ObjUpAxis::Y,
         },
         palette,
+        named_files: named_files(args),
         texture_roots: args.texture_root.clone(),
         follow_links: args.read.follow_links,
         sample: SampleSettings {

@@ -11,6 +11,7 @@ use insula_bake::{
     AbortedJob, BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job,
     JobRequest, WorkStore, abort,
 };
+use insula_source::remote::is_address;
 use std::path::{Path, PathBuf};
 
 /// Longest file with the hash of a job.
@@ -140,14 +141,12 @@ fn check_job(args: &BakeArgs, store: &dyn WorkStore, job: &Job, of_job: &BakeArg
 /// Whether a job reads anything but addresses.
 fn names_files(job: &Job, args: &BakeArgs) -> bool {
     let mut inputs = args.step_inputs.iter().chain(&job.inputs).chain(&args.streets).chain(&args.surroundings);
-    let is_address = |path: &PathBuf| path.to_str().is_some_and(|text| text.contains("://") && !text.starts_with('@'));
-    let is_word = |palette: &&PathBuf| matches!(palette.to_str(), Some("harmonised" | "source"));
-    let has_palette = args.palette.as_ref().is_some_and(|palette| !is_word(&palette));
-    let has_stone = args.stone.as_ref().is_some_and(|stone| stone.ends_with(".json"));
+    // The rule by which the bake reads them: `a://../b` is a file.
+    let is_address = |path: &PathBuf| path.to_str().is_some_and(is_address);
     // The folder of grids may also be one that this machine's environment names.
     let has_grids = args.read.grids.is_some() && job.arguments.iter().any(|word| word.starts_with("--grids"));
-    let has_others = !args.texture_root.is_empty() || args.landmarks.is_some() || args.labels.is_some() || has_grids;
-    !inputs.all(is_address) || has_palette || has_stone || has_others
+    let has_others = !args.texture_root.is_empty() || args.landmarks.is_some() || has_grids;
+    !inputs.all(is_address) || !bake::named_files(args).is_empty() || has_others
 }
 
 /// The options of a job, with the inputs in their place.

@@ -5,7 +5,7 @@
 //! pages before it reads them, and kept for those who report them.
 
 use crate::store::SameHostConnector;
-use futures_util::{StreamExt, future::BoxFuture};
+use futures_util::{Stream, StreamExt, TryStreamExt, future::BoxFuture};
 use hyper::header::CONTENT_LENGTH;
 use object_store::{
     ClientOptions, Result,
@@ -25,6 +25,8 @@ use std::{
 const REQUEST_TIME: Duration = Duration::from_secs(30);
 /// A list of objects or uploads has at most 1000 in a page, of some hundred bytes each.
 pub(super) const MAX_PAGE_BYTES: usize = 16 << 20;
+/// Most objects below a folder of a bucket: all are in memory.
+pub(super) const MAX_OBJECTS: usize = 4_000_000;
 /// So many pages without an object that can be read may follow one another: a list could go on without end.
 const MAX_EMPTY_PAGES: usize = 1000;
 /// Most refused keys that are kept; others are left out of reports.
@@ -104,6 +106,16 @@ impl HttpService for BucketClient {
 /// An error that is not worth another try.
 fn damaged(what: String) -> HttpError {
     HttpError::new(HttpErrorKind::Decode, io::Error::new(io::ErrorKind::InvalidData, what))
+}
+
+/// What a list has. Fails if it has more than `limit` entries: it could go on without end.
+pub(super) async fn list_of<T>(entries: impl Stream<Item = Result<T>>, limit: usize) -> Result<Vec<T>> {
+    let found: Vec<T> = entries.take(limit.saturating_add(1)).try_collect().await?;
+    if found.len() > limit {
+        let what = format!("the list has more than {limit} objects; give a folder that has fewer");
+        return Err(object_store::Error::Generic { store: "bucket", source: what.into() });
+    }
+    Ok(found)
 }
 
 /// The text of a page. Fails if it is too long, or ends early.
@@ -202,6 +214,15 @@ mod tests {
         assert_eq!(refused, ["in/../b", "in//e", "in/./f", "in/../h"]);
         let cut = "<ListBucketResult><Contents><Key>in/../b</Key>";
         assert_eq!(without_refused(cut), (cut.to_owned(), Vec::new()));
+    }
+
+    #[test]
+    fn a_list_without_end_is_given_up() {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let endless = || futures_util::stream::repeat_with(|| Ok(0_u8));
+        assert_eq!(runtime.block_on(list_of(endless().take(3), 3)).unwrap(), [0; 3]);
+        let error = runtime.block_on(list_of(endless(), 3)).unwrap_err().to_string();
+        assert!(error.contains("more than 3 objects"), "{error}");
     }
 
     #[test]

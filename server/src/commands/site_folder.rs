@@ -18,6 +18,7 @@ use insula_archive::{
 };
 use serde_json::Value;
 use std::{
+    collections::BTreeSet,
     ffi::OsString,
     fs::{self, File},
     io::{self, Write},
@@ -38,6 +39,8 @@ pub(super) struct SiteFolder {
     /// The folder beside it.
     work: PathBuf,
     files: OwnedFiles,
+    /// Folders of the site in the making.
+    folders: BTreeSet<PathBuf>,
     journal: File,
     /// Held until the end.
     lock: Option<File>,
@@ -54,13 +57,18 @@ impl SiteFolder {
         let (new, journal) = (work.join(NEW), work.join(FILES));
         fs::create_dir(&new).map_err(|error| write_error(&new, &error))?;
         let journal = File::create_new(&journal).map_err(|error| write_error(&journal, &error))?;
-        Ok(Self { out: out.to_owned(), work, files: OwnedFiles::default(), journal, lock: Some(lock) })
+        let (files, folders) = (OwnedFiles::default(), BTreeSet::from([new]));
+        Ok(Self { out: out.to_owned(), work, files, folders, journal, lock: Some(lock) })
     }
 
     /// Writes a file, given by its path in the site.
     pub(super) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), CommandError> {
         let path = self.place(name, FileMark::of(bytes))?;
-        fs::write(&path, bytes).map_err(|error| write_error(&path, &error))
+        let written = File::create(&path).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        });
+        written.map_err(|error| write_error(&path, &error))
     }
 
     /// Gives a file a second name in the site, or copies it where that is not possible.
@@ -72,7 +80,7 @@ impl SiteFolder {
         if fs::hard_link(&from, &path).is_err() {
             fs::copy(&from, &path).map_err(|error| write_error(&path, &error))?;
         }
-        Ok(())
+        sync(&path).map_err(|error| write_error(&path, &error))
     }
 
     /// Notes a file, and returns its path.
@@ -83,18 +91,22 @@ impl SiteFolder {
         let path = self.work.join(NEW).join(name);
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|error| write_error(folder, &error))?;
+            let new = self.work.join(NEW);
+            self.folders.extend(folder.ancestors().take_while(|folder| folder.starts_with(&new)).map(Path::to_owned));
         }
         Ok(path)
     }
 
     /// Adds the list of files to what the site says `about` itself, and puts the site into its place. Returns the number of its files and
-    /// their bytes. Fails if the old one cannot be replaced, and then restores it.
+    /// their bytes. Fails if the old one cannot be replaced, and then restores it. The old one is removed after the new one is on disk with
+    /// its names, so that one of them survives a power failure.
     pub(super) fn publish(mut self, mut about: Value) -> Result<(u64, u64), CommandError> {
         about["files"] = self.files.to_json();
         self.write(SITE_FILE, format!("{about:#}\n").as_bytes())?;
         let (new, old) = (self.work.join(NEW), self.work.join(OLD));
         let failed = |error: io::Error| write_error(&self.out, &error);
         check_out(&self.out, &self.out, FileComparison::Lengths)?;
+        self.folders.iter().for_each(|folder| sync_names(folder));
         let exists = self.out.exists();
         if exists {
             fs::rename(&self.out, &old).map_err(failed)?;
@@ -110,6 +122,8 @@ impl SiteFolder {
             return Err(failed(error));
         }
         if exists {
+            sync_names(&self.work);
+            sync_names(self.work.parent().unwrap_or(Path::new(".")));
             remove_site(&old)?;
         }
         Ok((self.files.len() as u64, self.files.bytes()))
@@ -128,6 +142,16 @@ impl Drop for SiteFolder {
         }
         drop(lock);
     }
+}
+
+/// Waits until a file or a folder is on disk. Windows does that for what is open for writing only.
+fn sync(path: &Path) -> io::Result<()> {
+    if cfg!(unix) { File::open(path)?.sync_all() } else { Ok(()) }
+}
+
+/// Waits until the names in a folder are on disk. Some file systems cannot; the files are there nevertheless.
+fn sync_names(folder: &Path) {
+    let _ = sync(folder);
 }
 
 /// The hidden folder beside a site.

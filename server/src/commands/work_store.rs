@@ -1,10 +1,10 @@
 //! Work stores of bakes in steps: folders, and buckets of object stores (`s3://BUCKET/PATH`).
 
 use super::{
-    bucket_client::{BucketConnector, RefusedKeys, read_page, text_of},
+    bucket_client::{BucketConnector, MAX_OBJECTS, RefusedKeys, list_of, read_page, text_of},
     error::CommandError,
 };
-use futures_util::{StreamExt, TryStreamExt};
+use futures_util::StreamExt;
 use hyper::{Method, Request};
 use insula_bake::{WorkFolder, WorkStore};
 use insula_command_line::http::cause_of;
@@ -175,7 +175,7 @@ impl WorkStore for WorkBucket {
     fn list(&self, folder: &str) -> io::Result<Vec<String>> {
         let own = if self.folder.as_ref().is_empty() { String::new() } else { format!("{}/", self.folder) };
         self.run(async {
-            let found: Vec<_> = self.store.list(Some(&self.path(folder))).try_collect().await.map_err(io_error)?;
+            let found = list_of(self.store.list(Some(&self.path(folder))), MAX_OBJECTS).await.map_err(io_error)?;
             let name = |meta: object_store::ObjectMeta| Some(meta.location.as_ref().strip_prefix(&own)?.to_owned());
             let mut names: Vec<String> = found.into_iter().filter_map(name).collect();
             names.sort_unstable();

@@ -44,8 +44,8 @@ pub struct Store {
     pub(super) remotes: Vec<RemoteCity>,
     pub(super) metrics: Option<StoreMetrics>,
     pub(super) cities: BTreeMap<String, CityVersions>,
-    /// What could not be opened at the last check, of the folders and of the remote cities.
-    pub(super) failures: [Arc<[String]>; 2],
+    /// What could not be opened at the last check, of the folders and of the remote cities, and the URLs of no known kind.
+    pub(super) failures: [Arc<[String]>; 3],
 }
 
 /// The current version of a city, and recent ones.

@@ -51,7 +51,7 @@ impl Store {
         let texts = |failures: &[StoreError]| failures.iter().map(ToString::to_string).collect();
         let (local, remote) = reload.failures.split_at(local);
         let remote = if include_remote { texts(remote) } else { Arc::clone(&self.failures[1]) };
-        let failures = [texts(local), remote];
+        let failures = [texts(local), remote, Arc::clone(&self.failures[2])];
         reload.failures_changed = failures != self.failures;
         reload.store.failures = failures;
         reload

@@ -26,21 +26,28 @@ impl Store {
         Self::start(places, cache).await?.complete()
     }
 
-    /// Opens what can be opened, as [`Self::reload`] does, which tries the rest again. Fails only if a URL is of no known kind, or if
-    /// the cache folder cannot be used.
+    /// Opens what can be opened, as [`Self::reload`] does, which tries the rest again, except for URLs of no known kind. Fails only if the
+    /// cache folder cannot be used.
     pub async fn start(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<StoreReload, StoreError> {
         let is_url = |place: &PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
         let (urls, folders): (Vec<PathBuf>, Vec<PathBuf>) = places.iter().cloned().partition(is_url);
-        let mut store = Self { folders, ..Self::default() };
+        let (mut store, mut wrong) = (Self { folders, ..Self::default() }, Vec::new());
         if !urls.is_empty() {
             let cache_error = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
             let metrics = StoreMetrics::new();
             let blocks = Arc::new(metrics.block_cache(cache).map_err(cache_error)?);
             let requests = Arc::new(StoreRequests::new(cache, metrics.clone()));
-            let remote = |url: &str| RemoteCity::new(url, requests.clone(), blocks.clone());
-            store.remotes = urls.iter().filter_map(|url| url.to_str()).map(remote).collect::<Result<_, _>>()?;
+            for url in urls.iter().filter_map(|url| url.to_str()) {
+                match RemoteCity::new(url, requests.clone(), blocks.clone()) {
+                    Ok(remote) => store.remotes.push(remote),
+                    Err(error) => wrong.push(error),
+                }
+            }
             store.metrics = Some(metrics);
         }
-        Ok(store.reload(RetentionPolicy::default(), true).await)
+        store.failures[2] = wrong.iter().map(ToString::to_string).collect();
+        let mut opened = store.reload(RetentionPolicy::default(), true).await;
+        opened.failures.extend(wrong);
+        Ok(opened)
     }
 }

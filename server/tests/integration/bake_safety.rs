@@ -133,6 +133,12 @@ fn only_work_stores_of_bakes_are_cleared() {
     assert!(place.refused("bake plan --inputs town.city.json --work mine --update").contains("no bake wrote it"));
     place.write("work/in/a.city.json", house());
     assert!(place.refused("bake plan --inputs work/in --work work").contains("input"));
+    place.write("work/palette.json", "{}");
+    place.write("work/labels.toml", "");
+    for option in ["--palette work/palette.json", "--labels work/labels.toml"] {
+        let line = format!("bake plan --inputs town.city.json --work work {option}");
+        assert!(place.refused(&line).contains("input"), "{line}");
+    }
     place.succeeds("bake town.city.json --out town --cell 4");
     for line in ["bake plan --inputs town.city.json --work town", "bake plan --inputs town.city.json --work town/work"]
     {
@@ -182,6 +188,10 @@ fn a_job_in_the_place_of_another_is_refused() {
     // Without the hash beside the folder, as on a machine that has the folder alone.
     fs::remove_file(place.path("work.job")).unwrap();
     assert!(place.refused("bake scan 0 --work work").contains("--job"));
+    // A file, although it looks like an address.
+    fs::write(&job, good.replace("town.city.json", "work/x://../../private/secret.city.json")).unwrap();
+    assert!(place.refused("bake scan 0 --work work").contains("--job"));
+    fs::write(&job, &good).unwrap();
     place.refused(&format!("bake scan 0 --work work --job {}", begun.replace(['0', '1'], "2")));
     place.succeeds(&format!("bake scan 0 --work work --job {begun}"));
 }
@@ -262,6 +272,7 @@ fn a_full_disk_leaves_the_old_file() {
         ("export town --format glb --out b.glb", "b.glb"),
         ("export town --format 3dtiles --out b.3tz", "b.3tz"),
         ("export town --format 3dtiles --out b.pmtiles", "b.pmtiles"),
+        ("export town --format 3dtiles --out b", "b/tileset.json"),
     ] {
         place.succeeds(line);
         let before = fs::read(place.path(out)).unwrap();

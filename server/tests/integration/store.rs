@@ -46,22 +46,25 @@ async fn a_start_serves_what_can_be_opened_and_a_reload_the_rest() {
     // A port that nothing listens on.
     let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let missing = root.path().join("missing");
-    let places = [root.path().to_owned(), empty.clone(), missing, format!("http://{closed}/city").into()];
+    let host = format!("http://{closed}/city").into();
+    let places = [root.path().to_owned(), empty.clone(), missing, host, "htps://a/city".into()];
     let cache = BlockCacheConfig { timeout_secs: 1, ..BlockCacheConfig::default() };
     let started = Store::start(&places, &cache).await.unwrap();
-    assert_eq!(started.failures.len(), 4, "{:?}", started.failures);
+    assert_eq!(started.failures.len(), 5, "{:?}", started.failures);
+    assert!(started.store.failures().any(|failure| failure.contains("htps://a/city")));
     assert!(started.store.failures().any(|failure| failure.contains("blockmaps.pmtiles")));
     assert!(Store::open_anywhere(&places, &cache).await.is_err(), "one of them cannot be opened");
     let store = started.usable().unwrap();
     let names = |store: &Store| store.cities().map(|city| city.manifest().name.clone()).collect::<Vec<_>>();
-    assert_eq!((names(&store), store.failures().count()), (vec!["good".to_owned()], 4));
+    assert_eq!((names(&store), store.failures().count()), (vec!["good".to_owned()], 5));
     replace_city(&broken, |next| small_city::write_city(next, "broken"));
     small_city::write_city(&empty, "late");
     let reload = store.reload(RetentionPolicy::default(), false).await;
     assert!(reload.must_replace());
     assert_eq!(names(&reload.store), ["broken", "good", "late"]);
-    let left = "the missing folder, the host, which was not asked, and the city that two places name";
-    assert_eq!(reload.store.failures().count(), 3, "{left}");
+    let left =
+        "the missing folder, the host, which was not asked, the city that two places name, and the wrong address";
+    assert_eq!(reload.store.failures().count(), 4, "{left}");
     let nothing = Store::start(&[root.path().join("missing")], &cache).await.unwrap();
     assert!(matches!(nothing.usable(), Err(StoreError::Io { .. })));
 }

@@ -290,22 +290,24 @@ fn a_tileset_of_nothing_leaves_an_earlier_one() {
 }
 
 #[test]
-fn an_unfinished_tileset_shows_nothing_of_an_earlier_one() {
+fn an_unfinished_tileset_shows_nothing_and_leaves_an_earlier_one() {
     let (whole, folder) = (city(), tempfile::tempdir().unwrap());
     let json =
         || -> Value { serde_json::from_slice(&std::fs::read(folder.path().join(TILESET_JSON)).unwrap()).unwrap() };
-    write_tileset(&tileset(&whole, &EVERYTHING), Destination::of(folder.path())).unwrap();
-    let complete = json();
-    assert!(complete["root"]["implicitTiling"].is_object() && complete["root"]["content"].is_object());
     let mut broken = city();
     broken.broken.insert(TileId::ROOT.child(3).unwrap());
     write_tileset(&tileset(&broken, &EVERYTHING), Destination::of(folder.path())).unwrap_err();
     let unfinished = json();
+    write_tileset(&tileset(&whole, &EVERYTHING), Destination::of(folder.path())).unwrap();
+    let complete = json();
+    assert!(complete["root"]["implicitTiling"].is_object() && complete["root"]["content"].is_object());
     assert_eq!((&unfinished["root"]["implicitTiling"], &unfinished["root"]["content"]), (&Value::Null, &Value::Null));
     assert!(unfinished["asset"]["extras"]["title"].as_str().unwrap().contains("unfinished"));
     assert_eq!(unfinished["root"]["boundingVolume"], complete["root"]["boundingVolume"]);
-    write_tileset(&tileset(&whole, &EVERYTHING), Destination::of(folder.path())).unwrap();
+    write_tileset(&tileset(&broken, &EVERYTHING), Destination::of(folder.path())).unwrap_err();
     assert_eq!(json(), complete);
+    let mut names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    assert!(names.all(|name| !name.to_string_lossy().starts_with('.')), "nothing unfinished stays");
 }
 
 fn tileset_of_nothing(city: &TestCity) -> Result<Vec<u8>, ExportError> {

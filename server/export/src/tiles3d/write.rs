@@ -1,6 +1,6 @@
 //! Writes all files of a tileset into a folder, or into an archive (`.3tz`, `.pmtiles`).
 
-use super::{Tileset, archive::ArchiveWriter, pmtiles::TileArchive, tileset_file::TilesetFile};
+use super::{TILESET_JSON, Tileset, archive::ArchiveWriter, pmtiles::TileArchive, tileset_file::TilesetFile};
 use crate::glb::{ExportError, ExportReport};
 use insula_archive::{
     file::open_regular,
@@ -10,9 +10,13 @@ use insula_archive::{
 use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
 use std::{
-    fs, io,
+    fs,
+    io::{self, Write},
     path::{Path, PathBuf},
 };
+
+/// Names that are tried for the folder of unfinished files.
+const MAX_TRIES: u32 = 10_000;
 
 /// Where a tileset is written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +43,7 @@ impl<'p> Destination<'p> {
 }
 
 /// Writes a whole tileset, node by node, with one tile in memory at a time. Fails if the city cannot be read, if nothing is selected,
-/// or if the destination cannot be written; in a folder, what was written then stays, with a tileset that shows nothing.
+/// or if the destination cannot be written; an earlier tileset then stays.
 pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Result<ExportReport, ExportError> {
     let mut sink = match destination {
         Destination::Folder(folder) => Sink::Folder(FolderSink { folder: folder.to_owned(), ..FolderSink::default() }),
@@ -121,19 +125,6 @@ fn unfinished(tileset: &[u8]) -> Vec<u8> {
     json.to_string().into_bytes()
 }
 
-fn write_file(folder: &Path, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
-    let path = folder.join(file.to_string());
-    let failed = || ExportError::writing(path.display().to_string());
-    if !is_replaceable(folder, &path, file) {
-        let what = "another file has the name of one of the tileset; write it elsewhere, or move the file away";
-        return Err(failed()(io::Error::new(io::ErrorKind::AlreadyExists, what)));
-    }
-    if let Some(parent) = path.parent() {
-        fs::create_dir_all(parent).map_err(failed())?;
-    }
-    replace(&path, bytes).map_err(failed())
-}
-
 /// Whether there is no file of this path, or one as this file of a tileset begins.
 fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
     let is_linked = path.is_symlink() || !canonical(path).starts_with(canonical(folder));
@@ -153,14 +144,17 @@ enum Sink {
     PmTiles(Box<TileArchive>),
 }
 
+/// A tileset in a folder. Its files get their names when all are written, so that a full disk leaves an earlier tileset.
 #[derive(Default)]
 struct FolderSink {
     folder: PathBuf,
-    /// It waits for the end: with parts of an earlier one, it would show both.
+    /// It gets its name last: with parts of an earlier one, it would show both.
     tileset: Vec<u8>,
     /// Files that wait for the first triangle: a tileset of nothing must not replace an earlier one.
     held: Vec<(TilesetFile, Vec<u8>)>,
-    is_begun: bool,
+    /// Folder of the files that are written: each is named by its number in `files`.
+    waiting: Option<WaitingFolder>,
+    files: Vec<TilesetFile>,
 }
 
 impl FolderSink {
@@ -173,17 +167,88 @@ impl FolderSink {
             self.held.push((file, bytes.to_vec()));
             return Ok(());
         }
-        if !self.is_begun {
-            write_file(&self.folder, TilesetFile::Tileset, &unfinished(&self.tileset))?;
-            self.is_begun = true;
-        }
         for (file, bytes) in std::mem::take(&mut self.held) {
-            write_file(&self.folder, file, &bytes)?;
+            self.keep(file, &bytes)?;
         }
-        write_file(&self.folder, file, bytes)
+        self.keep(file, bytes)
     }
 
-    fn finish(self) -> Result<(), ExportError> {
-        write_file(&self.folder, TilesetFile::Tileset, &self.tileset)
+    /// Writes a file that waits for its name.
+    fn keep(&mut self, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
+        let path = self.folder.join(file.to_string());
+        let failed = || ExportError::writing(path.display().to_string());
+        if !is_replaceable(&self.folder, &path, file) {
+            let what = "another file has the name of one of the tileset; write it elsewhere, or move the file away";
+            return Err(failed()(io::Error::new(io::ErrorKind::AlreadyExists, what)));
+        }
+        let waiting = match self.waiting.take() {
+            Some(waiting) => waiting,
+            None => self.begin().map_err(failed())?,
+        };
+        let kept = self.waiting.insert(waiting).file(self.files.len());
+        let written = fs::File::create_new(kept).and_then(|mut new| {
+            new.write_all(bytes)?;
+            new.sync_all()
+        });
+        written.map_err(failed())?;
+        self.files.push(file);
+        Ok(())
+    }
+
+    /// Creates the folders. A new one has a tileset at once, by which it is known if the export is killed.
+    fn begin(&self) -> io::Result<WaitingFolder> {
+        let waiting = WaitingFolder::create(&self.folder)?;
+        let tileset = self.folder.join(TILESET_JSON);
+        if !tileset.exists() {
+            replace(&tileset, &unfinished(&self.tileset))?;
+        }
+        Ok(waiting)
+    }
+
+    /// Gives the files their names. Meanwhile the tileset shows nothing.
+    fn finish(mut self) -> Result<(), ExportError> {
+        let tileset = std::mem::take(&mut self.tileset);
+        let count = self.files.len();
+        self.keep(TilesetFile::Tileset, &unfinished(&tileset))?;
+        self.keep(TilesetFile::Tileset, &tileset)?;
+        let Some(waiting) = &self.waiting else { return Ok(()) };
+        let paths: Vec<PathBuf> = self.files.iter().map(|file| self.folder.join(file.to_string())).collect();
+        let failed = |path: &Path| ExportError::writing(path.display().to_string());
+        // New names may take room on the disk, renames over old ones do not.
+        for path in &paths {
+            path.parent().map_or(Ok(()), fs::create_dir_all).map_err(failed(path))?;
+        }
+        for number in [count].into_iter().chain(0..count).chain([count + 1]) {
+            fs::rename(waiting.file(number), &paths[number]).map_err(failed(&paths[number]))?;
+        }
+        Ok(())
+    }
+}
+
+/// A folder within that of a tileset, for files without names. It is removed at the end; one that was killed leaves it.
+struct WaitingFolder(PathBuf);
+
+impl WaitingFolder {
+    fn create(folder: &Path) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        for number in 0..MAX_TRIES {
+            let path = folder.join(format!(".insula-{}-{number}.tmp", std::process::id()));
+            match fs::create_dir(&path) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                created => return created.map(|()| Self(path)),
+            }
+        }
+        Err(io::ErrorKind::AlreadyExists.into())
+    }
+
+    fn file(&self, number: usize) -> PathBuf {
+        self.0.join(number.to_string())
+    }
+}
+
+impl Drop for WaitingFolder {
+    fn drop(&mut self) {
+        // This export created it. Nothing can be done about what cannot be removed.
+        let _ = fs::remove_dir_all(&self.0);
     }
 }

@@ -224,18 +224,20 @@ impl<'a> BakeSteps<'a> {
         Ok(job)
     }
 
-    /// The steps of a job whose arguments gave these options. Fails if the settings are others.
+    /// The steps of a job whose arguments gave these options. Fails if the settings are others, or if the job reads what is in its store.
     pub fn open(
         store: &'a dyn WorkStore,
         job: Job,
         options: &BakeOptions,
         progress: &'a dyn Progress,
     ) -> Result<Self, BakeError> {
-        let config = BakeConfig::new(&BakeOptions { name: Some(job.name.clone()), ..options.clone() })?;
+        let options = &BakeOptions { name: Some(job.name.clone()), inputs: job.inputs.clone(), ..options.clone() };
+        let config = BakeConfig::new(options)?;
         if config.settings != job.settings {
             let what = "its settings are others than those of this program";
             return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
         }
+        refuse_inside(store, options)?;
         let id = job.id()?;
         let read_options = config.read_options(options);
         let crs = job.crs.clone().or_else(|| read_options.placing.crs.clone());
@@ -331,7 +333,10 @@ fn chunks(sizes: &[u64], chunk_bytes: u64) -> Vec<JobChunk> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::work::WorkFolder;
     use super::*;
+    use crate::progress::Silent;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn chunks_have_the_sources_in_order() {
@@ -341,5 +346,32 @@ mod tests {
         assert_eq!(of(100), [vec![5, 1, 2, 9, 1]]);
         assert_eq!(chunks(&[5, 1, 2], 6)[1].first, 2);
         assert_eq!(chunks(&[], 6), [JobChunk { first: 0, bytes: Vec::new() }]);
+    }
+
+    #[test]
+    fn a_job_that_reads_its_own_work_store_is_not_opened() {
+        let folder = TestFolder::new("job-inside");
+        let options = BakeOptions { out: folder.path.join("town"), ..BakeOptions::default() };
+        let config = BakeConfig::new(&options).unwrap();
+        let job = |input: &str| Job {
+            steps: STEPS_VERSION,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            settings: config.settings.clone(),
+            algorithm: ALGORITHM,
+            arguments: Vec::new(),
+            name: config.name.clone(),
+            inputs: vec![folder.path.join(input)],
+            crs: None,
+            region_leaves: 4,
+            chunk_bytes: 1,
+            postponed: Vec::new(),
+            elevation: Vec::new(),
+            chunks: chunks(&[1], 1),
+            previous: None,
+        };
+        let store = WorkFolder::new(&folder.path.join("work"));
+        let opened = |input| BakeSteps::open(&store, job(input), &options, &Silent).err();
+        assert!(opened("a.geojson").is_none());
+        assert!(matches!(opened("work/x/a.geojson"), Some(BakeError::Inside { .. })));
     }
 }

@@ -17,6 +17,8 @@ use super::{
 const MARKER: &[u8] = b"Insula keeps results of `bake --work` here, and removes those that are listed in `list`.\n";
 /// Folder of what was written.
 const LIST: &str = "list";
+/// Begins the names of the city's objects.
+const CITY: &str = "city/";
 /// First line of a record.
 const RECORD: &str = "an object of a bake";
 /// A record of the parts of an archive is shorter.
@@ -117,10 +119,11 @@ impl<'a> OwnedStore<'a> {
         let (size, record) = (self.0.size(name)?, self.record(name)?);
         let mut known = record.unwrap_or_default();
         let is_known = !known.is_empty();
-        // Both have the same length if they are of one step. Reading the object would take as long as writing it.
-        if size.is_some_and(|size| {
-            !is_known || size != length_of(marks) && !known.iter().any(|parts| size == length_of(parts))
-        }) {
+        let may_replace = match size {
+            Some(size) => is_known && self.is_one_of(name, size, known.iter().map(Vec::as_slice).chain([marks]))?,
+            None => true,
+        };
+        if !may_replace {
             return Err(refused(name, "no step of a bake wrote it, so it is not replaced; move it away"));
         }
         if known.first().is_some_and(|first| first == marks) {
@@ -134,6 +137,20 @@ impl<'a> OwnedStore<'a> {
         self.0.put(&record_name(name), format!("{RECORD}\n{text}").into_bytes())
     }
 
+    /// Whether an object that is to be replaced has one of these contents. Those of the city, which people may have changed, are read. Of
+    /// others the length tells: reading them would take as long as writing them.
+    fn is_one_of<'p>(
+        self,
+        name: &str,
+        size: u64,
+        mut contents: impl Iterator<Item = &'p [FileMark]>,
+    ) -> io::Result<bool> {
+        if name.starts_with(CITY) {
+            return contents.try_fold(false, |is_found, parts| Ok(is_found || self.has_parts(name, size, parts)?));
+        }
+        Ok(contents.any(|parts| size == length_of(parts)))
+    }
+
     /// Whether an object is as a step wrote it. It is read.
     fn is_unchanged(self, name: &str, size: u64) -> io::Result<bool> {
         for parts in self.record(name)?.unwrap_or_default() {
@@ -144,7 +161,7 @@ impl<'a> OwnedStore<'a> {
         Ok(false)
     }
 
-    fn has_parts(self, name: &str, size: u64, parts: &Parts) -> io::Result<bool> {
+    fn has_parts(self, name: &str, size: u64, parts: &[FileMark]) -> io::Result<bool> {
         let mut start = 0_u64;
         if parts.is_empty() || length_of(parts) != size {
             return Ok(false);
@@ -276,5 +293,31 @@ impl<'a> OwnedStore<'a> {
 
     pub(super) fn begun_parts(self) -> io::Result<Vec<(String, String)>> {
         self.0.begun_parts()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::work::WorkFolder;
+    use super::*;
+    use insula_test_support::folder::TestFolder;
+    use std::fs;
+
+    #[test]
+    fn a_file_of_the_city_that_was_changed_is_not_replaced() {
+        let folder = TestFolder::new("owned-city");
+        let objects = WorkFolder::new(&folder.path);
+        let store = OwnedStore::new(&objects);
+        let path = folder.path.join("city/a");
+        store.put("city/a", b"first".to_vec()).unwrap();
+        store.put("city/a", b"other".to_vec()).unwrap();
+        // Of the same length.
+        fs::write(&path, "mine!").unwrap();
+        let refused = store.put("city/a", b"third".to_vec()).unwrap_err().to_string();
+        assert!(refused.contains("city/a") && fs::read(&path).unwrap() == b"mine!", "{refused}");
+        // A step that was killed left what was there before.
+        fs::write(&path, "first").unwrap();
+        store.put("city/a", b"third".to_vec()).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"third");
     }
 }
