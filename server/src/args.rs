@@ -181,6 +181,14 @@ pub struct ReadArgs {
     pub keep_duplicates: bool,
 }
 
+/// How a command says what it did.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub struct JsonArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Arguments of `bake`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct BakeArgs {
@@ -189,6 +197,8 @@ pub struct BakeArgs {
     /// With --work: a step, such as 'region 7'
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub read: ReadArgs,
     /// Folder to write the city to. A city there is replaced at the very end; any other folder that is not empty is refused
@@ -202,7 +212,7 @@ pub struct BakeArgs {
     pub out: PathBuf,
     /// Run one step of a bake that many machines run; the steps' results are in this folder or at s3://BUCKET/PATH, and
     /// in the end the city, in its folder city
-    #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume"])]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume", "json"])]
     pub work: Option<String>,
     /// Hash of the job, as the step 'plan' that began it printed; steps of another job fail [default: that in the file WORK.job beside
     /// the folder]
@@ -393,6 +403,8 @@ pub struct InspectArgs {
 pub struct VerifyArgs {
     /// City folder
     pub city: PathBuf,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 #[cfg(test)]

@@ -12,7 +12,8 @@ pub(crate) fn add(trials: &mut Trials) {
         a_cache_folder_that_cannot_be_written_is_a_warning,
         a_view_is_exported_with_its_camera,
         a_city_at_an_address_is_drawn_as_its_folder_is,
-        without_a_desktop_no_driver_complains
+        without_a_desktop_no_driver_complains,
+        results_are_json_where_that_is_asked_for
     ]);
     #[cfg(target_os = "linux")]
     trials.add(tests![names_that_are_not_text_work_everywhere]);
@@ -160,6 +161,38 @@ fn a_view_link_is_a_place_of_all_commands() {
             assert!(code == Some(1) && !error.contains("not a"), "{command}: {error}");
         }
         assert_eq!(call("insula", folder, &[command.as_ref(), "insula://".as_ref()]).0, Some(2));
+    }
+}
+
+fn results_are_json_where_that_is_asked_for() {
+    const MESH: &str = "v 0 0 0\nv 4 0 0\nv 0 4 0\nv 0 0 4\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let folder = baked_city("in.geojson".as_ref(), "city".as_ref());
+    fs::write(folder.path().join("a.obj"), MESH).unwrap();
+    let keys = "one 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef\n";
+    fs::write(folder.path().join("keys"), keys).unwrap();
+    for (line, fact) in [
+        ("bake in.geojson --out other", "city_bytes"),
+        ("verify city", "fault_count"),
+        ("inspect city", "name"),
+        ("objects city", "attributes"),
+        ("export city --out rows.csv", "objects"),
+        ("export city --out city.glb", "triangles"),
+        ("export city --format 3dtiles --out tiles", "files"),
+        ("analyse city sky --out sky.tif", "roofs"),
+        ("sign --city city --expires 1h --keys keys", "url"),
+        ("compress a.obj a.insm", "bytes"),
+        ("decompress a.insm b.obj", "vertices"),
+        ("simplify a.obj c.obj --ratio 1", "largest_distance"),
+        ("compare a.obj b.obj", "hausdorff"),
+        ("ao a.obj --out ao.ply --views 4", "mean"),
+    ] {
+        let mut command = Process::new(program("insula-server").unwrap());
+        let output = run(command.args(line.split(' ')).arg("--json").current_dir(folder.path())).unwrap();
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        let facts: serde_json::Value =
+            serde_json::from_str(&text).unwrap_or_else(|error| panic!("{line}: {error}: {text}"));
+        assert!(facts.get(fact).is_some(), "{line}: {text}");
     }
 }
 

@@ -1,5 +1,6 @@
 //! Arguments of `analyse`.
 
+use super::JsonArgs;
 use clap::ValueEnum;
 use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
 use std::path::PathBuf;
@@ -97,6 +98,8 @@ pub struct AnalyseArgs {
     /// Distance around the area of --bbox or the points within which obstacles count, in metres
     #[arg(long, value_name = "M", default_value = "3000", value_parser = parse_reach, allow_hyphen_values = true)]
     pub reach: f64,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }

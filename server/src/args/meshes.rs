@@ -1,5 +1,6 @@
 //! Arguments of the commands for mesh files.
 
+use super::JsonArgs;
 use super::parse::{parse_max_error, parse_ratio, parse_samples};
 use insula_command_line::output::OverwriteArgs;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ pub struct CompressArgs {
     #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
     pub texcoord_bits: u8,
     #[command(flatten)]
+    pub json: JsonArgs,
+    #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }
 
@@ -28,6 +31,8 @@ pub struct DecompressArgs {
     pub input: PathBuf,
     /// PLY, OFF, OBJ or STL file to write
     pub output: PathBuf,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }
@@ -50,6 +55,8 @@ pub struct SimplifyArgs {
     #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error, allow_negative_numbers = true)]
     pub error: Option<f64>,
     #[command(flatten)]
+    pub json: JsonArgs,
+    #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }
 
@@ -66,6 +73,8 @@ pub struct CompareArgs {
     /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
     #[arg(long, value_name = "OUT.ply")]
     pub heatmap: Option<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }
@@ -90,6 +99,8 @@ pub struct AoArgs {
     /// Stretch the greys, so that the most hidden vertex is black and the most open one white; `quality` stays as it is
     #[arg(long)]
     pub stretch: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }

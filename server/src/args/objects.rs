@@ -1,5 +1,6 @@
 //! Arguments of the commands that read objects.
 
+use super::JsonArgs;
 #[cfg(feature = "bake")]
 use insula_command_line::{area::AreaArgs, output::OverwriteArgs, parse_size, parse_tau};
 use insula_objects::search::MAX_QUERY_CHARS;
@@ -13,9 +14,8 @@ pub struct ObjectsArgs {
     /// Numbers of objects, as pictures and tiles give them [default: the attributes of the city]
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(..=0xffff_fffe))]
     pub ids: Vec<u32>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 /// Arguments of `search`.
@@ -29,9 +29,8 @@ pub struct SearchArgs {
     /// Most hits, 1 to 1000
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub limit: u16,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 /// Fails for a text that no search takes.
@@ -77,6 +76,8 @@ pub struct ExportArgs {
     /// Leave texts that spreadsheets run as formulas as they are, for `--format csv` [default: an apostrophe before them]
     #[arg(long)]
     pub keep_formulas: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }

@@ -1,5 +1,6 @@
 //! Arguments of `sign` and `publish`.
 
+use super::JsonArgs;
 use super::parse::{ShareArea, parse_area, parse_name, parse_site_address};
 use crate::{
     config::PublicUrl,
@@ -35,6 +36,8 @@ pub struct SignArgs {
     /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 /// Arguments of `publish`.
@@ -55,4 +58,6 @@ pub struct PublishArgs {
     /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }

@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     mesh::{mesh_error, read_model, with_spinner},
-    output::{check_output, print, write},
+    output::{check_output, print_result, write},
 };
 use crate::args::AoArgs;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -11,6 +11,7 @@ use insula_command_line::output::FileKind;
 use insula_occlusion::{OccludedMesh, Occlusion, OcclusionError, OcclusionSettings};
 use insula_protocol::mesh::AttributeKind;
 use insula_simplify::model::{CornerLayer, ModelFormat, TriangleModel};
+use serde_json::json;
 use std::time::Instant;
 
 /// Runs `ao`. Fails if the input is not a mesh, a GPU is asked for and there is none, or a file cannot be read or written.
@@ -45,10 +46,18 @@ pub(super) fn run(args: &AoArgs) -> Result<(), CommandError> {
     let least = found.share.iter().copied().fold(1.0, f32::min);
     let mean = found.share.iter().map(|share| f64::from(*share)).sum::<f64>() / vertices.max(1) as f64;
     write(&args.out, &with_occlusion(model, &found, args.stretch).write(ModelFormat::Ply))?;
-    print(&format!(
+    let text = format!(
         "{}: {triangles} triangles, {vertices} vertices, mean {mean:.3}, least {least:.3}, {seconds:.2} s\n",
         args.out.display()
-    ));
+    );
+    let facts = json!({
+        "triangles": triangles,
+        "vertices": vertices,
+        "mean": mean,
+        "least": least,
+        "seconds": seconds,
+    });
+    print_result(args.json, &facts, &text);
     Ok(())
 }
 
@@ -104,6 +113,7 @@ mod tests {
             map: 256,
             gpu: false,
             stretch: false,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         }
     }

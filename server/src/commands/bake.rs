@@ -4,7 +4,7 @@ use super::{
     addresses::Addresses,
     bake_progress::BakeProgress,
     error::CommandError,
-    output::{check_output, print, write},
+    output::{check_output, print_result, write},
 };
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
@@ -26,6 +26,7 @@ use insula_protocol::{
     manifest::Attribution,
     text::{count, human_bytes, printable, shell_word},
 };
+use serde_json::Value;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -61,7 +62,8 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
         write(path, &json)?;
     }
     unknown_names(&args.read, &report.read).iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
-    print(&summary(&report, args));
+    let facts = if args.json.json { serde_json::to_value(&report).unwrap_or_default() } else { Value::Null };
+    print_result(args.json, &facts, &summary(&report, args));
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     mesh::{mesh_error, read_model, surface_of, with_spinner},
-    output::{check_output, print, write},
+    output::{check_output, print_result, write},
 };
 use crate::{
     args::CompareArgs,
@@ -17,6 +17,7 @@ use insula_simplify::{
     model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
     surface::{Surface, SurfaceDistance},
 };
+use serde_json::json;
 use std::path::Path;
 
 /// Colours of a heat map from no distance to the largest, with even steps between them (0 to 1).
@@ -45,13 +46,24 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
             share(max)
         )
     };
-    print(&format!(
+    let text = format!(
         "{}{}Hausdorff distance {:.6}; the diagonal of {} is {diagonal:.3}\n",
         line(&args.a, &args.b, &there),
         line(&args.b, &args.a, &back),
         there.max.max(back.max),
         args.a.display()
-    ));
+    );
+    let facts = |distance: &SurfaceDistance| {
+        let SurfaceDistance { mean, rms, max, farthest } = *distance;
+        json!({ "mean": mean, "rms": rms, "largest": max, "farthest": farthest })
+    };
+    let facts = json!({
+        "a_to_b": facts(&there),
+        "b_to_a": facts(&back),
+        "hausdorff": there.max.max(back.max),
+        "diagonal": diagonal,
+    });
+    print_result(args.json, &facts, &text);
     match &args.heatmap {
         Some(path) => write(path, &heatmap(a, &second).write(ModelFormat::Ply)),
         None => Ok(()),
@@ -193,6 +205,7 @@ mod tests {
             b: path("b.off"),
             samples: 100,
             heatmap,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         })
         .unwrap();
@@ -212,7 +225,14 @@ mod tests {
         geojson("gk.geojson", "EPSG:31468", [4_468_000.0, 5_334_000.0]);
         let compare = |a: &str, b: &str| {
             let [a, b] = [a, b].map(path);
-            run(&CompareArgs { a, b, samples: 10, heatmap: None, overwrite: OverwriteArgs::default() })
+            run(&CompareArgs {
+                a,
+                b,
+                samples: 10,
+                heatmap: None,
+                json: Default::default(),
+                overwrite: OverwriteArgs::default(),
+            })
         };
         let error = compare("a.off", "far.off").unwrap_err().to_string();
         assert!(error.contains("far.off") && error.contains("2000000 away"), "{error}");
@@ -224,6 +244,7 @@ mod tests {
             b: path("b.off"),
             samples: 100,
             heatmap: None,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         };
         assert!(run(&other).is_err());

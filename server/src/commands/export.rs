@@ -1,6 +1,6 @@
 //! `export`: a baked city, or a part of it, in the formats of other programs.
 
-use super::{area_file::read_polygons, error::CommandError, output::print};
+use super::{area_file::read_polygons, error::CommandError, output::print_result};
 use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
@@ -18,13 +18,13 @@ use insula_export::{
     glb::{self, ExportView},
     selection::{ObjectSelection, passing},
     source::{ExportSource, SourceError},
-    table::TableOptions,
+    table::{ExportReport, TableOptions},
     tiles3d::{Destination, Tileset, write_tileset},
 };
 use insula_objects::filter::Filter;
 use insula_protocol::text::{count, human_bytes, printable};
 use roaring::RoaringBitmap;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// Largest file of a camera.
@@ -52,7 +52,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let nothing = nothing_selected(args, &selection, &source, place.as_ref());
     nothing.iter().for_each(|reason| eprintln!("note: nothing is selected: {}", printable(reason)));
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
-    let text = match format {
+    let (mut facts, text) = match format {
         ExportFormat::Glb => {
             let mut bytes = Vec::new();
             let report = glb::write_glb(&source, &selection, view.as_ref(), &mut bytes);
@@ -62,7 +62,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
             }
             replace(&args.out, &bytes).map_err(|error| failed(error.to_string()))?;
             let counts = [count(report.objects, "object"), count(report.triangles, "triangle")];
-            format!("{}, {}", counts.join(", "), human_bytes(bytes.len() as u64))
+            let facts = json!({ "objects": report.objects, "triangles": report.triangles, "bytes": bytes.len() });
+            (facts, format!("{}, {}", counts.join(", "), human_bytes(bytes.len() as u64)))
         }
         ExportFormat::Tiles3d => {
             let to_geocentric = |p: [f64; 3]| place.as_ref()?.geocentric(p);
@@ -70,17 +71,19 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
                 Tileset::new(&source, &selection, &to_geocentric).map_err(|error| failed(error.to_string()))?;
             let report =
                 write_tileset(&tileset, Destination::of(&args.out)).map_err(|error| failed(error.to_string()))?;
-            format!("{}, {}", count(report.files, "file"), human_bytes(report.bytes))
+            let facts = json!({ "files": report.files, "triangles": report.triangles, "bytes": report.bytes });
+            (facts, format!("{}, {}", count(report.files, "file"), human_bytes(report.bytes)))
         }
         ExportFormat::Table(format) => {
-            let (objects, text) = write_table(args, &source, format, &selection, place.as_ref())?;
-            if objects == 0 && nothing.is_none() && format != Format::GeoTiff {
+            let (report, text) = write_table(args, &source, format, &selection, place.as_ref())?;
+            if report.objects == 0 && nothing.is_none() && format != Format::GeoTiff {
                 eprintln!("note: nothing is selected{}", by_options(args));
             }
-            text
+            (json!({ "objects": report.objects, "bytes": report.bytes }), text)
         }
     };
-    print(&format!("wrote {} ({text})\n", args.out.display()));
+    facts["out"] = args.out.display().to_string().into();
+    print_result(args.json, &facts, &format!("wrote {} ({text})\n", args.out.display()));
     Ok(())
 }
 
@@ -132,7 +135,7 @@ fn write_table(
     format: Format,
     selection: &ObjectSelection,
     place: Option<&EarthPlace>,
-) -> Result<(u64, String), CommandError> {
+) -> Result<(ExportReport, String), CommandError> {
     let to_lon_lat = |p: [f64; 2]| place?.lon_lat(p);
     let definition = place.and_then(EarthPlace::definition).map(|(base_epsg, proj, ellipsoid)| PlaneDefinition {
         base_epsg,
@@ -161,7 +164,7 @@ fn write_table(
         _ if is_table(format) => format!("{}, {bytes}", count(report.objects, "row")),
         _ => format!("{}, {bytes}", count(report.objects, "object")),
     };
-    Ok((report.objects, text))
+    Ok((report, text))
 }
 
 /// Which option alone selects nothing, as a reason; `None` if none does.

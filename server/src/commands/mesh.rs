@@ -2,7 +2,7 @@
 
 use super::{
     error::CommandError,
-    output::{check_output, print, write},
+    output::{check_output, print_result, write},
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
@@ -16,6 +16,7 @@ use insula_simplify::{
     simplify::{self, Goal},
     surface::Surface,
 };
+use serde_json::json;
 use std::{
     io::Read,
     path::Path,
@@ -112,14 +113,16 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
     write(&args.output, &file)?;
     let (vertices, triangles) = (encoded.vertices.len(), encoded.corners.len() / 3);
     let bits = file.len() as f64 * 8.0;
-    print(&format!(
+    let text = format!(
         "{}: {triangles} triangles, {vertices} vertices, {}, {:.2} bits per vertex, {seconds:.2} s{}{}\n",
         args.output.display(),
         human_bytes(file.len() as u64),
         bits / vertices.max(1) as f64,
         describe_repairs(&encoded.report),
         describe_missing(&model)
-    ));
+    );
+    let facts = json!({ "triangles": triangles, "vertices": vertices, "bytes": file.len(), "seconds": seconds });
+    print_result(args.json, &facts, &text);
     Ok(())
 }
 
@@ -138,7 +141,8 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     write(&args.output, &model.write(format))?;
     let (triangles, vertices) = (mesh.triangles.len(), mesh.positions.len());
     let missing = describe_missing(&model);
-    print(&format!("{}: {triangles} triangles, {vertices} vertices{missing}\n", args.output.display()));
+    let text = format!("{}: {triangles} triangles, {vertices} vertices{missing}\n", args.output.display());
+    print_result(args.json, &json!({ "triangles": triangles, "vertices": vertices }), &text);
     Ok(())
 }
 
@@ -168,7 +172,7 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     });
     let seconds = start.elapsed().as_secs_f64();
     write(&args.output, &out.model.write(format))?;
-    print(&format!(
+    let text = format!(
         "{}: {} of {before} triangles, largest distance {:.6} ({:.4}% of the diagonal), {} components removed, {seconds:.2} s{}{}\n",
         args.output.display(),
         out.model.triangles.len(),
@@ -177,7 +181,15 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
         out.removed_parts,
         describe_repairs(&out.repairs),
         describe_missing(&out.model)
-    ));
+    );
+    let facts = json!({
+        "triangles": out.model.triangles.len(),
+        "triangles_before": before,
+        "largest_distance": out.error,
+        "removed_components": out.removed_parts,
+        "seconds": seconds,
+    });
+    print_result(args.json, &facts, &text);
     Ok(())
 }
 
@@ -200,6 +212,7 @@ mod tests {
             output: path("a.insm"),
             bits: 14,
             texcoord_bits: 12,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         })
         .unwrap();
@@ -207,6 +220,7 @@ mod tests {
             decompress(&DecompressArgs {
                 input: path("a.insm"),
                 output: path(name),
+                json: Default::default(),
                 overwrite: OverwriteArgs::default(),
             })
             .unwrap();
@@ -221,6 +235,7 @@ mod tests {
             triangles: Some(4),
             ratio: None,
             error: None,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         };
         simplify(&args).unwrap();
@@ -238,6 +253,7 @@ mod tests {
                 output: path(output),
                 bits: 12,
                 texcoord_bits: 12,
+                json: Default::default(),
                 overwrite: OverwriteArgs::default(),
             };
             compress(&args).unwrap_err().to_string()
@@ -251,15 +267,26 @@ mod tests {
             output: path("a.insm"),
             bits: 12,
             texcoord_bits: 12,
+            json: Default::default(),
             overwrite: OverwriteArgs::default(),
         };
         compress(&args).unwrap();
         let mut file = std::fs::read(path("a.insm")).unwrap();
         file[9] ^= 1;
         std::fs::write(path("a.insm"), file).unwrap();
-        let args = DecompressArgs { input: path("a.insm"), output: path("b.off"), overwrite: OverwriteArgs::default() };
+        let args = DecompressArgs {
+            input: path("a.insm"),
+            output: path("b.off"),
+            json: Default::default(),
+            overwrite: OverwriteArgs::default(),
+        };
         assert!(decompress(&args).unwrap_err().to_string().contains("checksum"));
-        let args = DecompressArgs { input: path("a.off"), output: path("b.off"), overwrite: OverwriteArgs::default() };
+        let args = DecompressArgs {
+            input: path("a.off"),
+            output: path("b.off"),
+            json: Default::default(),
+            overwrite: OverwriteArgs::default(),
+        };
         assert!(decompress(&args).unwrap_err().to_string().contains("compress"));
     }
 }

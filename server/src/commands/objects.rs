@@ -30,7 +30,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let objects = StoredObjects::open(&city)?;
     if args.ids.is_empty() {
-        if args.json {
+        if args.json.json {
             print_json(&pretty(&json!(objects.schema()))?);
         } else {
             print(&schema_table(&city.manifest().counts.words(), objects.schema()));
@@ -43,7 +43,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
         let record = objects.object(*id)?.ok_or_else(missing)?;
         found.push(describe(&objects, *id, record)?);
     }
-    if args.json {
+    if args.json.json {
         print_json(&pretty(&json!(found))?);
     } else {
         print(&found.iter().map(|object| object_text(object, objects.schema())).collect::<Vec<_>>().join("\n"));

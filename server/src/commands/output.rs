@@ -1,10 +1,12 @@
 //! Output to standard output and files.
 
 use super::error::CommandError;
+use crate::args::JsonArgs;
 use insula_archive::new_file;
 #[cfg(feature = "bake")]
 use insula_command_line::output::{FileKind, Outputs, OverwriteArgs};
 use insula_protocol::text::{printable_json, printable_lines};
+use serde_json::Value;
 use std::{io::Write, path::Path};
 
 /// Prints lines to standard output, without anything that a terminal obeys. Errors are ignored, so that a closed pipe
@@ -16,6 +18,14 @@ pub(super) fn print(text: &str) {
 /// Prints JSON, as [`print()`] does.
 pub(super) fn print_json(json: &str) {
     write_out(&(printable_json(json) + "\n"));
+}
+
+/// Says what a command did: its facts as JSON if that is asked for, else a text.
+pub(super) fn print_result(args: JsonArgs, facts: &Value, text: &str) {
+    match args.json {
+        true => print_json(&facts.to_string()),
+        false => print(text),
+    }
 }
 
 fn write_out(text: &str) {

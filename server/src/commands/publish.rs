@@ -9,7 +9,7 @@
 //!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
 //! ```
 
-use super::{error::CommandError, output::print, site_folder::SiteFolder};
+use super::{error::CommandError, output::print_result, site_folder::SiteFolder};
 use crate::{
     args::PublishArgs,
     config::ServeConfig,
@@ -71,12 +71,14 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     let names: Vec<_> = cities.iter().map(|city| &city.manifest().name).collect();
     let about = serde_json::json!({ "assets": viewer.hash(), "cities": names });
     let (files, bytes) = site.publish(about)?;
-    print(&format!(
+    let text = format!(
         "{}: {}, {}: any web server that answers range requests can serve it\n",
         args.out.display(),
         count(files, "file"),
         human_bytes(bytes)
-    ));
+    );
+    let facts = serde_json::json!({ "out": args.out.display().to_string(), "files": files, "bytes": bytes });
+    print_result(args.json, &facts, &text);
     Ok(())
 }
 
@@ -202,7 +204,11 @@ mod tests {
         let publish = |cities: &[&std::path::PathBuf], url: Option<&str>| {
             let cities = cities.iter().map(|city| (*city).clone()).collect();
             let url = url.map(str::to_owned);
-            publish_site(&PublishArgs { cities, out: out.clone(), title: None, url, config: None }, &viewer).unwrap();
+            publish_site(
+                &PublishArgs { cities, out: out.clone(), title: None, url, config: None, json: Default::default() },
+                &viewer,
+            )
+            .unwrap();
             fs::read_to_string(out.join("404.html")).unwrap()
         };
         let page = publish(&[&one], None);

@@ -37,7 +37,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<(), CommandError> {
     };
     let hits = index.search(&args.text, usize::from(args.limit));
     let hits = hits.into_iter().map(found).collect::<Result<Vec<_>, CommandError>>()?;
-    if args.json {
+    if args.json.json {
         let json = serde_json::to_string_pretty(&hits);
         print_json(&json.map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?);
     } else {

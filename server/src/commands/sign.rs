@@ -1,12 +1,13 @@
 //! `sign`: prints a link that opens a private city for a time.
 
-use super::{error::CommandError, output::print};
+use super::{error::CommandError, output::print_result};
 use crate::{
     args::SignArgs,
     config::{PublicUrl, ServeConfig, environment},
     share_link::{PARAMETER, ShareGrant, ShareKeys, ShareScope},
 };
 use insula_protocol::route;
+use serde_json::json;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Where `serve` listens by default.
@@ -34,6 +35,8 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
     })?;
     let url = args.url.as_ref().or(config.public_url.as_ref());
     let base = url.map_or(LOCAL_ADDRESS, PublicUrl::base);
-    print(&format!("{base}{}?{PARAMETER}={link}\n", route::manifest(&args.city)));
+    let address = format!("{base}{}?{PARAMETER}={link}", route::manifest(&args.city));
+    let facts = json!({ "url": address, "expires_secs": grant.expires_secs });
+    print_result(args.json, &facts, &(address + "\n"));
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
-use super::{error::CommandError, output::print};
+use super::{error::CommandError, output::print_result};
 use crate::{
     args::VerifyArgs,
     store::{CityStore, StoredObjects},
@@ -12,6 +12,7 @@ use insula_protocol::{
     text::{count, printable},
     tile,
 };
+use serde_json::json;
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::Path,
@@ -53,10 +54,13 @@ pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     check_version(&args.city, &city.manifest().version, &mut faults);
     if faults.count == 0 {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
-        print(&format!("{}: {}, no faults\n", city.manifest().name, count(tiles, "tile")));
+        let text = format!("{}: {}, no faults\n", city.manifest().name, count(tiles, "tile"));
+        let facts = json!({ "city": city.manifest().name, "tiles": tiles, "fault_count": 0, "faults": [] });
+        print_result(args.json, &facts, &text);
         return Ok(());
     }
-    print(&faults.text());
+    let facts = json!({ "city": city.manifest().name, "fault_count": faults.count, "faults": faults.first });
+    print_result(args.json, &facts, &faults.text());
     Err(CommandError::Faults { path: args.city.clone(), faults: faults.count })
 }
 

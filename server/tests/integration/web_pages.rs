@@ -190,7 +190,7 @@ async fn several_cities_are_a_list_with_links_to_their_pages() {
     let service = service(folder.path(), Some(viewer()));
     let page = get(&service, "/", &[]).await;
     assert!(page.text.contains("<h2><a href=\"cities/two\">") && page.text.contains("<h2><a href=\"cities/three\">"));
-    assert!(!page.text.contains("<insula-city") && !page.text.contains("client/web/build"));
+    assert!(!page.text.contains("<insula-city") && !page.text.contains("just dist"));
     let policy = page.header("content-security-policy");
     assert!(policy.contains("style-src 'sha256-") && !policy.contains("script-src"), "{policy}");
     assert!(get(&service, "/cities/three", &[]).await.text.contains("<a rel=\"up\" href=\"../\">All cities</a>"));
@@ -205,7 +205,7 @@ async fn without_the_viewer_the_page_says_how_to_build_it() {
     for path in ["/", "/cities/two"] {
         let page = get(&service, path, &[]).await;
         assert_eq!(page.status, StatusCode::OK);
-        assert!(page.text.contains("client/web/build") && page.text.contains("insula view http://"), "{}", page.text);
+        assert!(page.text.contains("just dist") && page.text.contains("insula view http://"), "{}", page.text);
         assert!(!page.text.contains("<script") && !page.text.contains("/assets/"));
     }
     for path in [APP, "/service-worker.js"] {
@@ -343,7 +343,14 @@ pub(crate) fn share_query(keys: &Path, arguments: &[&str]) -> String {
 fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
     let cities = cities.iter().map(|city| city.to_path_buf()).collect();
     let url = Some("https://cities.example.org/".to_owned());
-    let args = PublishArgs { cities, out: out.to_owned(), title: Some("Our <cities>".into()), url, config: None };
+    let args = PublishArgs {
+        cities,
+        out: out.to_owned(),
+        title: Some("Our <cities>".into()),
+        url,
+        config: None,
+        json: Default::default(),
+    };
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 

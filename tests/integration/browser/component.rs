@@ -200,10 +200,14 @@ pub(super) fn an_article_keeps_its_wheel() -> Result<()> {
     let hint = page.page.evaluate(&format!("{element}.shadowRoot.querySelector('.gesture').textContent"))?;
     ensure!(hint.as_str().is_some_and(|hint| hint.contains("wheel")), "{hint}");
     page.page.evaluate(
-        "scrollTo(0, 0); import(new URL('../insula-city.js', location)).then(async ({ setTexts }) =>
-            setTexts(await (await fetch('../language-de.json')).json()))",
+        "scrollTo(0, 0); import(new URL('../insula-city.js', location)).then(async ({ setTexts }) => {
+            setTexts(await (await fetch('../language-de.json')).json());
+            window.isGerman = true;
+        }); 0",
     )?;
-    page.page.wheel(at, 1.0)?;
+    page.page.wait_for("window.isGerman === true", REACTION)?;
+    page.page.wheel(at, 120.0)?;
+    page.page.wait_for("scrollY > 0", REACTION)?;
     page.page.wait_for(
         &format!("{element}.shadowRoot.querySelector('.gesture').textContent.includes('Mausrad')"),
         REACTION,

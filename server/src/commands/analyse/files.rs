@@ -1,7 +1,7 @@
 //! What `analyse` writes, and what it says of it.
 
 use super::{
-    super::{error::CommandError, output::print},
+    super::{error::CommandError, output::print_result},
     Answer, Files, Question,
     checks::{is_flatgeobuf, is_geojson},
     sheet,
@@ -20,6 +20,7 @@ use insula_export::{
     raster::{CellExtent, NODATA, write_raster},
 };
 use insula_protocol::text::{count, human_bytes, printable};
+use serde_json::json;
 use std::path::Path;
 
 /// Writes an answer and says what it is. Fails if a file cannot be written.
@@ -41,15 +42,37 @@ pub(super) fn write(
     if let Some(table) = &answer.table {
         let path = question.args.buildings.as_ref();
         path.map_or(Ok(()), |path| write_bytes(path, table))?;
-        print(&text(question, &answer, None, &written, files));
+        report(question, &answer, None, &written, files);
         return Ok(());
     }
     let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
     if let Some(path) = &question.args.buildings {
         write_buildings(question, &values, &answer, path)?;
     }
-    print(&text(question, &answer, Some(&values), &written, files));
+    report(question, &answer, Some(&values), &written, files);
     Ok(())
+}
+
+/// Says what was written and what it says: several times of shadow as a line of JSON each.
+fn report(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>, written: &Written, files: &Files) {
+    let of = |places: &PlaceValues| {
+        let [least, most] = [places.least, places.most].map(|end| (places.count > 0).then_some(end));
+        let share = answer.asked.and_then(|_| places.share());
+        json!({ "count": places.count, "least": least, "mean": places.mean(), "most": most, "share_reaching": share })
+    };
+    let facts = json!({
+        "out": files.out.display().to_string(),
+        "bytes": written.bytes,
+        "title": answer.title,
+        "unit": answer.column,
+        "asked": answer.asked,
+        "notes": answer.notes,
+        "roofs": values.map(|values| of(&values.roofs)),
+        "walls": values.map(|values| of(&values.walls)),
+        "ground": values.map(|values| of(&values.ground)),
+        "attribution": written.attribution,
+    });
+    print_result(question.args.json, &facts, &text(question, answer, values, written, files));
 }
 
 /// Writes a table of buildings, as FlatGeobuf with their footprints if its name says so. Fails if it cannot be written.

@@ -1,7 +1,7 @@
 //! Lines of sight between the points of two tables.
 
 use super::{
-    super::{error::CommandError, output::print},
+    super::{error::CommandError, output::print_result},
     sun::{GROUND_M, ground_of, read_points},
 };
 use crate::args::AnalyseArgs;
@@ -14,6 +14,7 @@ use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
 use insula_export::{source::ExportSource, table::ExportError};
 use insula_protocol::text::{count, printable};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Writes the lines from each point of a table to each of another one. Fails if the city cannot be read or the output not be written.
@@ -52,6 +53,7 @@ pub(super) fn between(
         let lines = count(beyond as u64, "line");
         text += &format!("{lines} with an end without a surface to measure its height from: beyond the city?\n");
     }
-    print(&text);
+    let facts = json!({ "out": args.out.display().to_string(), "lines": number, "free": free, "without_end": beyond });
+    print_result(args.json, &facts, &text);
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Hours of sun by a rule: of a whole city, and at the points of a table.
 
 use super::{
-    super::{error::CommandError, output::print},
+    super::{error::CommandError, output::print_result},
     Answer,
     files::summary,
     site_of,
@@ -25,6 +25,7 @@ use insula_export::{
     table::{ExportError, attribution},
 };
 use insula_protocol::text::{count, printable};
+use serde_json::json;
 use std::{io::Cursor, path::Path};
 
 /// How far around points the ground is read.
@@ -198,7 +199,16 @@ pub(super) fn sun_at(
     let mut values = PlaceValues::default();
     suns.iter().flatten().for_each(|sun| values.add(sun.value as f32, rule.asked));
     lines.extend(summary(Analysis::Sun, rule.measure.unit(), &values, rule.asked));
-    print(&lines.iter().map(|line| format!("{}\n", printable(line))).collect::<String>());
+    let facts = json!({
+        "out": args.out.display().to_string(),
+        "points": points.len(),
+        "points_without_value": beyond,
+        "mean": values.mean(),
+        "asked": rule.asked,
+        "share_reaching": rule.asked.and_then(|_| values.share()),
+        "notes": notes_of(&rule),
+    });
+    print_result(args.json, &facts, &lines.iter().map(|line| format!("{}\n", printable(line))).collect::<String>());
     Ok(())
 }
 

@@ -24,7 +24,8 @@ fn footprints_stand_at_the_height_of_their_lowest_corner() {
     let partly = "[[0,0,512.3],[10,0],[10,10,512.3],[0,10,512.3],[0,0,512.3]]";
     let mark = "[[0,0,512.3],[10,0,-9999],[10,10,514],[0,10,512.3],[0,0,512.3]]";
     let missing = "[[0,0,-1e38],[10,0,-1e38],[10,10,-1e38],[0,10,-1e38],[0,0,-1e38]]";
-    for (ring, base_m) in [(level, 512.3), (slope, 512.3), (zero, 0.0), (partly, 0.0), (mark, 512.3), (missing, 0.0)] {
+    for (ring, base_m) in [(level, 512.3), (slope, 512.3), (zero, 0.0), (partly, 512.3), (mark, 512.3), (missing, 0.0)]
+    {
         let (scene, _) = read(&collection(&feature("h", TEN, &polygon(ring))));
         let [low, high] = heights_m(&scene);
         assert!((low - base_m).abs() < 1e-3 && (high - base_m - 10.0).abs() < 1e-3, "{ring}: {low} to {high}");
