@@ -173,7 +173,7 @@ fn results_are_json_where_that_is_asked_for() {
     for (line, fact) in [
         ("bake in.geojson --out other", "city_bytes"),
         ("verify city", "fault_count"),
-        ("inspect city", "name"),
+        ("inspect city", "manifest"),
         ("objects city", "attributes"),
         ("export city --out rows.csv", "objects"),
         ("export city --out city.glb", "triangles"),

@@ -153,9 +153,9 @@ fn is_same(surfaces: [&CitySurface; 2], index: usize) -> bool {
     before == after
 }
 
-/// Values of tops and of points on walls, before and after a change of a surface.
+/// SurfaceValues of tops and of points on walls, before and after a change of a surface.
 #[derive(Debug, Clone, Copy)]
-pub struct Values<'a> {
+pub struct SurfaceValues<'a> {
     pub surface: &'a CitySurface,
     pub tops: &'a [f32],
     pub points: &'a [WallPoint],
@@ -165,7 +165,7 @@ pub struct Values<'a> {
 /// How far values change: of all tops, NaN where another thing is on top; and of the points on walls that are there before and after, with
 /// those points.
 #[must_use]
-pub fn change(before: Values<'_>, after: Values<'_>) -> (Vec<f32>, Vec<WallPoint>, Vec<f32>) {
+pub fn change(before: SurfaceValues<'_>, after: SurfaceValues<'_>) -> (Vec<f32>, Vec<WallPoint>, Vec<f32>) {
     let surfaces = [before.surface, after.surface];
     let tops = before.tops.iter().zip(after.tops).enumerate();
     let tops =
@@ -237,7 +237,7 @@ mod tests {
             .with_additions(&[Addition::Block { outline: square([1025.0, 2005.0], [1030.0, 2010.0]), top_m: 80.0 }]);
         let point = |cell, building| WallPoint { cell, height_m: 1.0, azimuth_deg: 90.0, building };
         let (points, tops) = ([point(1, 0), point(2, 0)], [vec![2.0; 1200], vec![1.5; 1200]]);
-        let of = |surface, tops, points, walls| Values { surface, tops, points, walls };
+        let of = |surface, tops, points, walls| SurfaceValues { surface, tops, points, walls };
         let (tops, points, walls) =
             change(of(&town, &tops[0], &points, &[3.0, 4.0]), of(&after, &tops[1], &points[1..], &[1.0]));
         assert_eq!((points, walls), (vec![point(2, 0)], vec![-3.0]));

@@ -5,7 +5,7 @@ use super::{
     Answer,
 };
 use insula_analysis::{
-    proposal::{Addition, Values, change},
+    proposal::{Addition, SurfaceValues, change},
     surface::{Building, CitySurface},
 };
 use insula_archive::file::read_text;
@@ -33,9 +33,9 @@ pub(super) struct Proposal {
     #[serde(default)]
     title: String,
     #[serde(default)]
-    add: Vec<Added>,
+    add: Vec<AddTable>,
     #[serde(default)]
-    remove: Vec<Removed>,
+    remove: Vec<RemoveTable>,
     #[serde(skip)]
     path: PathBuf,
 }
@@ -43,7 +43,7 @@ pub(super) struct Proposal {
 /// A model, or all above an outline up to a height.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Added {
+struct AddTable {
     /// A model that `bake` reads.
     file: Option<PathBuf>,
     /// Longitude and latitude of its origin, if it has no coordinates of its own.
@@ -61,7 +61,7 @@ struct Added {
 /// Objects that are removed.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Removed {
+struct RemoveTable {
     /// Identifiers of buildings.
     #[serde(default)]
     ids: Vec<String>,
@@ -103,8 +103,10 @@ impl Proposal {
         }
         for added in &proposal.add {
             let is_right = match added {
-                Added { file: Some(_), outline: None, height_m: None, .. } => true,
-                Added { outline: Some(_), height_m: Some(height), place: None, .. } => (0.1..=2000.0).contains(height),
+                AddTable { file: Some(_), outline: None, height_m: None, .. } => true,
+                AddTable { outline: Some(_), height_m: Some(height), place: None, .. } => {
+                    (0.1..=2000.0).contains(height)
+                }
                 _ => false,
             };
             if !is_right {
@@ -171,7 +173,7 @@ impl Proposal {
     /// A model on the map of the city.
     fn model(
         &self,
-        added: &Added,
+        added: &AddTable,
         file: &Path,
         source: &dyn ExportSource,
         place: Option<&EarthPlace>,
@@ -265,7 +267,7 @@ impl Change {
 
     /// What an answer after the change is beside one before it.
     pub(super) fn between(&self, [before, after]: [&CitySurface; 2], earlier: &Answer, later: Answer) -> Answer {
-        let [before, after] = [(before, earlier), (after, &later)].map(|(surface, answer)| Values {
+        let [before, after] = [(before, earlier), (after, &later)].map(|(surface, answer)| SurfaceValues {
             surface,
             tops: &answer.tops,
             points: &answer.points,
