@@ -9,7 +9,7 @@
 //! | a regular grid over the city and its skirt | `grid` |
 //! | heights where walls meet the ground | `feet`, `low_foot` |
 //! | objects that hang in the air or are buried | `hanging` |
-//! | heights of given terrain | `given` |
+//! | heights of given terrain, and beside it | `given`, `under` |
 //! | a smooth field through both, and down to the plane | `insula_read_ground::relax` |
 //! | triangles, fewer where it is flat | `mesh` |
 //! | landmarks that stand on them | `standing` |
@@ -21,6 +21,7 @@ mod hanging;
 mod low_foot;
 mod mesh;
 mod standing;
+mod under;
 
 use insula_protocol::{
     NODE_CELLS,
@@ -40,7 +41,7 @@ use grid::GroundGrid;
 use mesh::HeightRange;
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 7;
+pub const ALGORITHM: u32 = 8;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -130,6 +131,8 @@ struct Surface<'a> {
     is_near: Vec<bool>,
     /// Vertices on given terrain.
     is_given: Vec<bool>,
+    /// Heights of vertices beside given terrain.
+    beside: Vec<Option<f32>>,
     has_terrain: bool,
     /// The height at which generated ground ends.
     plane_m: f32,
@@ -159,12 +162,19 @@ impl<'a> Surface<'a> {
         let free = smooth_field(&bounds);
         let under_m = UNDER_TERRAIN_M + 2.0 * steps.step_m as f32;
         let plane_m = plane_height(grid, &free, steps);
+        let level_m = level_height(&terrain, steps.step_m as f32);
+        let shown_plane_m = level_m.filter(|z| (plane_m..=plane_m + under_m).contains(z)).unwrap_or(plane_m);
+        let mut beside = under::beside(grid, &terrain);
         let mut skirted = bounds.clone();
         let distances = grid.distances(|i| bounds.is_known(i));
         for i in 0..grid.len() {
+            // Feet of buildings count more than the edge of terrain, and the plane hides what is beside level terrain.
+            beside[i] = beside[i].filter(|_| !bounds.is_known(i) && shown_plane_m == plane_m);
             let skirt_m = (SKIRT_RUN * (free[i] - plane_m).abs()).max(NEAR_M as f32);
-            if grid.is_rim(grid.place(i)) || f32::from(distances[i]) * grid.step_m as f32 > skirt_m {
-                (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
+            let is_end = grid.is_rim(grid.place(i)) || f32::from(distances[i]) * grid.step_m as f32 > skirt_m;
+            let z = beside[i].map(|z| steps.round(z, f64::floor)).or(is_end.then_some(plane_m));
+            if let Some(z) = z {
+                (skirted.low[i], skirted.high[i]) = (z, z);
             }
         }
         let mut field = smooth_field(&skirted);
@@ -174,9 +184,7 @@ impl<'a> Surface<'a> {
         }
         let is_given: Vec<bool> = terrain.iter().map(|z| z.is_finite()).collect();
         let has_terrain = is_given.contains(&true);
-        let level_m = level_height(&terrain, steps.step_m as f32);
-        let shown_plane_m = level_m.filter(|z| (plane_m..=plane_m + under_m).contains(z)).unwrap_or(plane_m);
-        Ok(Some(Self { grid, field, bounds, is_near, is_given, has_terrain, plane_m, shown_plane_m }))
+        Ok(Some(Self { grid, field, bounds, is_near, is_given, beside, has_terrain, plane_m, shown_plane_m }))
     }
 
     /// The heights that triangles may have.
@@ -208,6 +216,9 @@ impl<'a> Surface<'a> {
                     range.low[i] = self.bounds.low[i] - ROUNDING_M;
                     range.high[i] = range.high[i].max(self.bounds.high[i]);
                 }
+            }
+            if let Some(z) = self.beside[i] {
+                range.high[i] = z + UNDER_TERRAIN_M / 2.0;
             }
         }
         range

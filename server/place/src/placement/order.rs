@@ -15,8 +15,8 @@ use insula_source::object::AxisOrder;
 
 /// A source may reach so far beyond the area of use of its system, which is in whole degrees.
 const REACH_DEG: f64 = 1.5;
-/// Systems are used beyond their area, but not so far.
-pub(super) const FAR_DEG: f64 = 10.0;
+/// Systems are used beyond their area, such as zones of UTM for a whole country, but hardly so far.
+pub(super) const FAR_DEG: f64 = 3.0;
 
 /// Order of coordinates that the user decides on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -143,6 +143,9 @@ pub(super) fn decide(
             [true, false] => keep(None),
             _ if is_at_sea(other) && !is_at_sea(own) => keep(None),
             _ if order.is_fixed() => keep(None),
+            _ if fits(places[0], 0.0).is_none() => {
+                Ok(Order { axes, finding: Some((SWAPPED, telling(", within its area of use, which is taken"))) })
+            }
             _ => keep(Some((EITHER_ORDER, telling("; the declaration is followed")))),
         },
         _ if is_degrees(input) && places == [None, None] => Err(contradiction(label, name, input, first)),

@@ -347,6 +347,8 @@ fn coordinates_are_read_in_the_order_that_fits_the_area_of_use() {
         ("EPSG:3035", registry, [3_096_506.83, 4_107_390.02], [6.96, 50.94], ""),
         // Poland and Japan have both.
         ("EPSG:2180", registry, [637_231.09, 486_786.39], [18.80, 53.59], EITHER_ORDER),
+        // Only the other one is in its area of use, not just near it.
+        ("EPSG:2180", registry, [926_000.0, 210_000.0], [24.8997, 49.6068], SWAPPED),
         ("EPSG:2451", registry, [-6637.95, -35_499.9], [139.44, 35.94], EITHER_ORDER),
         ("EPSG:6677", mostly, [-35_499.9, -6637.95], [139.44, 35.94], EITHER_ORDER),
         ("EPSG:6677", fixed, [-6637.95, -35_499.9], [139.76, 35.68], ""),
@@ -401,6 +403,15 @@ fn coordinates_that_contradict_their_system_are_errors() {
     assert!(error.contains("EPSG:25832") && error.contains("likely EPSG:4326"), "{error}");
     let (_, kind) = found(&placing, "EPSG:31468", AxisOrder::EastFirst, [2_568_105.75, 5_633_641.64]).unwrap();
     assert_eq!(kind, OUTSIDE);
+    // Five degrees north of the Netherlands, and east of a zone of UTM.
+    for (name, first, is_outside) in [
+        ("EPSG:28992", [155_000.0, 1_200_000.0], true),
+        ("EPSG:25832", [1_300_000.0, 5_600_000.0], true),
+        ("EPSG:25832", [930_000.0, 5_680_000.0], false),
+    ] {
+        let (place, kind) = found(&placing, name, AxisOrder::EastFirst, first).unwrap();
+        assert_eq!(kind == OUTSIDE, is_outside, "{name} {place:?}");
+    }
 }
 
 #[test]

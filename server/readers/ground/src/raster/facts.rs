@@ -67,7 +67,7 @@ pub(crate) struct RasterCrs {
     pub(crate) is_ellipsoidal: bool,
     /// Metres of one unit of height, if the file tells.
     pub(crate) height_unit_m: Option<f64>,
-    /// The file's own text about its system, which may be WKT of ESRI.
+    /// The file's own text about its system, or the string for PROJ of a projection that is not supported.
     pub(crate) citation: Option<String>,
     /// What to tell if the file gives its horizontal system another unit than the system has.
     pub(crate) other_unit: Option<String>,

@@ -24,10 +24,40 @@ fn kinds_of_colours() {
     (map[1], map[256 + 1], map[512 + 1]) = (0xff00, 0x8000, 0x0100);
     assert_eq!(colours(&pixels(1, 3, &[1, 200]).shorts(320, &map).file()), [[255, 128, 1, 255], [0, 0, 0, 255]]);
     assert_eq!(colours(&pixels(1, 3, &[1, 2]).file()), [[0, 0, 0, 255]; 2]);
+    // The list was added to a grey image.
+    let late = pixels(1, 1, &[1, 200]).shorts(320, &map);
+    assert_eq!(colours(&late.file()), [[255, 128, 1, 255], [0, 0, 0, 255]]);
+    assert_eq!(open(&late.file()).unwrap().is_picture("dgm.tif"), (true, None));
     let wide = TestImage::new([2, 1], 1, [16, 1], vec![0xff, 0xff, 0x00, 0x80]);
     assert_eq!(colours(&wide.file()), [[255; 4], [128, 128, 128, 255]]);
     let black_and_white = TestImage::new([2, 1], 1, [1, 1], vec![0b0100_0000]);
     assert_eq!(colours(&black_and_white.file()), [[0, 0, 0, 255], [255; 4]]);
+}
+
+#[test]
+fn bands_with_names_of_colours() {
+    const BGR: &str = concat!(
+        "<GDALMetadata><Item name=\"COLORINTERP\" sample=\"0\" role=\"colorinterp\">Blue</Item>",
+        "<Item name=\"COLORINTERP\" sample=\"1\" role=\"colorinterp\">Green</Item>",
+        "<Item name=\"COLORINTERP\" sample=\"2\" role=\"colorinterp\">Red</Item></GDALMetadata>"
+    );
+    const INFRARED_FIRST: &str = concat!(
+        "<GDALMetadata><Item name=\"COLORINTERP\" sample=\"0\" role=\"colorinterp\">Undefined</Item>",
+        "<Item name=\"COLORINTERP\" sample=\"1\" role=\"colorinterp\">Red</Item>",
+        "<Item name=\"COLORINTERP\" sample=\"2\" role=\"colorinterp\">Green</Item>",
+        "<Item name=\"COLORINTERP\" sample=\"3\" role=\"colorinterp\">Blue</Item></GDALMetadata>"
+    );
+    let reversed = pixels(3, 2, &[1, 2, 3, 4, 5, 6]).tag(42112, Values::Text(BGR));
+    assert_eq!(colours(&reversed.file()), [[3, 2, 1, 255], [6, 5, 4, 255]]);
+    let transparent = pixels(4, 2, &[1, 2, 3, 255, 4, 5, 6, 0]).shorts(338, &[2]).tag(42112, Values::Text(BGR));
+    assert_eq!(colours(&transparent.file()), [[3, 2, 1, 255], [6, 5, 4, 0]]);
+    // The last band is said to be alpha by the format, but has the name of a colour.
+    let infrared = pixels(4, 2, &[9, 1, 2, 3, 9, 4, 5, 6]).shorts(338, &[2]);
+    let infrared = infrared.tag(42112, Values::Text(INFRARED_FIRST));
+    assert_eq!(colours(&infrared.file()), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+    // Names of bands that are not there.
+    let few = pixels(3, 2, &[1, 2, 3, 4, 5, 6]).tag(42112, Values::Text(INFRARED_FIRST));
+    assert_eq!(colours(&few.file()), [[1, 2, 3, 255], [4, 5, 6, 255]]);
 }
 
 #[test]
@@ -60,6 +90,9 @@ fn colours_of_16_bits_may_have_fewer() {
     for (image, expected, is_guess) in [
         (wide([4095, 0, 819]), [255, 0, 51], true),
         (wide([16_383, 0, 0]), [255, 0, 0], true),
+        (wide([255, 0, 51]), [255, 0, 51], true),
+        (wide([1000, 0, 0]), [249, 0, 0], true),
+        (wide([2047, 0, 1024]), [255, 0, 128], true),
         (wide([65_535, 0, 13_107]), [255, 0, 51], false),
         (wide([4095, 0, 0]).tag(42112, Values::Text(statistics)), [64, 0, 0], true),
         (wide([1023, 0, 0]).shorts(281, &[1023; 3]), [255, 0, 0], false),

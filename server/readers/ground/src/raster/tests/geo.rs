@@ -3,6 +3,7 @@
 use super::super::{GeoPlace, RasterCrs};
 use super::open;
 use super::tiff_file::{TestForm, TestImage, Values, file};
+use insula_place::crs::{CrsError, resolve};
 
 const SCALE: u16 = 33550;
 const TIE_POINT: u16 = 33922;
@@ -104,23 +105,105 @@ fn projections_that_the_file_defines() {
     let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(vec![19.0])).file();
     let crs = open(&file).unwrap().facts().crs.clone();
     assert_eq!(crs.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +units=m +lon_0=19"));
-    let crs_of = |own: &[[u16; 4]], reals: &[f64]| {
-        let of_all = [[1, 1, 0, own.len() as u16 + 1], [1024, 0, 1, 1]];
-        let keys: Vec<u16> = of_all.iter().chain(own).flatten().copied().collect();
-        let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(reals.to_vec())).file();
-        open(&file).unwrap().facts().crs.clone()
-    };
     let [datum, method] = [[2048, 0, 1, 4326], [3075, 0, 1, 1]];
-    let feet = crs_of(&[datum, method, [3076, 0, 1, 9002], [3082, 34736, 1, 0], [4096, 0, 1, 6360]], &[1000.0]);
+    let feet = own_crs(&[datum, method, [3076, 0, 1, 9002], [3082, 34736, 1, 0], [4096, 0, 1, 6360]], &[1000.0]);
     assert_eq!(feet.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +to_meter=0.3048 +x_0=304.8"));
     assert!((feet.height_unit_m.unwrap() - 1200.0 / 3937.0).abs() < 1e-12, "of its vertical system");
-    assert_eq!(crs_of(&[datum, method, [3076, 0, 1, 32767]], &[0.0]).horizontal, None);
+    let unknown = own_crs(&[datum, method, [3076, 0, 1, 32767]], &[0.0]);
+    assert_eq!(unknown.horizontal, None);
+    assert!(matches!(resolve(&unknown.citation.unwrap()), Err(CrsError::Unsupported(_))), "not as if it had no system");
+    let links = own_crs(&[datum, method, [3076, 0, 1, 32767], [3077, 34736, 1, 0]], &[0.201168]);
+    assert_eq!(links.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +to_meter=0.201168"));
     // Only the ellipsoid is known.
     let own = [2048, 0, 1, 32767];
-    let by_code = crs_of(&[own, [2056, 0, 1, 7019], method], &[0.0]);
+    let by_code = own_crs(&[own, [2056, 0, 1, 7019], method], &[0.0]);
     assert_eq!(by_code.horizontal.as_deref(), Some("+proj=tmerc +ellps=GRS80 +units=m"));
     let radii = [[2057, 34736, 1, 0], [2059, 34736, 1, 1], [2061, 34736, 1, 2]];
-    let by_radii = |meridian| crs_of(&[own, radii[0], radii[1], radii[2], method], &[6378137.0, 298.25, meridian]);
+    let by_radii = |meridian| own_crs(&[own, radii[0], radii[1], radii[2], method], &[6378137.0, 298.25, meridian]);
     assert_eq!(by_radii(0.0).horizontal.as_deref(), Some("+proj=tmerc +a=6378137 +rf=298.25 +units=m"));
-    assert_eq!(by_radii(2.3).horizontal, None, "another prime meridian");
+    let from_paris = by_radii(2.3).horizontal;
+    assert_eq!(from_paris.as_deref(), Some("+proj=tmerc +a=6378137 +rf=298.25 +pm=2.3 +units=m"));
+    let shifted = [own, radii[0], radii[1], [2062, 34736, 3, 2], method];
+    let shifted = own_crs(&shifted, &[6377397.155, 299.15, 598.1, 73.7, 418.2]).horizontal;
+    assert_eq!(shifted.as_deref(), Some("+proj=tmerc +a=6377397.155 +rf=299.15 +towgs84=598.1,73.7,418.2 +units=m"));
+    // The datum of a base by its number, and by that of the datum.
+    for base in [[[2048, 0, 1, 4230]; 2], [own, [2050, 0, 1, 6230]]] {
+        let crs = own_crs(&[base[0], base[1], method], &[0.0]).horizontal.unwrap();
+        assert!(crs.starts_with("+proj=tmerc +ellps=intl"), "{crs}");
+    }
+    let unknown = own_crs(&[[2048, 0, 1, 4320], method], &[0.0]);
+    assert_eq!(unknown.citation.as_deref(), Some("+proj=tmerc +datum=EPSG:4320 +units=m"));
+}
+
+/// The system of keys that do not tell a code.
+fn own_crs(own: &[[u16; 4]], reals: &[f64]) -> RasterCrs {
+    let of_all = [[1, 1, 0, own.len() as u16 + 1], [1024, 0, 1, 1]];
+    let keys: Vec<u16> = of_all.iter().chain(own).flatten().copied().collect();
+    let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(reals.to_vec())).file();
+    open(&file).unwrap().facts().crs.clone()
+}
+
+#[test]
+fn projections_by_their_methods() {
+    let system = |key: u16, number: u16, keys: &[u16], reals: &[f64]| {
+        let mut own = vec![[2048, 0, 1, 4326], [key, 0, 1, number]];
+        own.extend(keys.iter().zip(0..).map(|(key, index)| [*key, 34736, 1, index]));
+        own_crs(&own, reals)
+    };
+    for (number, keys, reals, expected) in [
+        (3, &[3088, 3089, 3094][..], &[11.0, 48.0, 30.0][..], "omerc|+lat_0=48 +lonc=11 +alpha=30 +no_uoff"),
+        (7, &[3078, 3080], &[40.0, 11.0], "merc|+lon_0=11 +lat_ts=40"),
+        (9, &[3080, 3081, 3092], &[11.0, 48.0, 0.9999], "lcc|+lat_0=48 +lat_1=48 +lon_0=11 +k_0=0.9999"),
+        (12, &[3088, 3089], &[11.5, 48.1], "aeqd|+lat_0=48.1 +lon_0=11.5"),
+        (13, &[3078, 3079, 3080, 3081], &[47.0, 49.0, 11.0, 48.0], "eqdc|+lat_0=48 +lon_0=11 +lat_1=47 +lat_2=49"),
+        (15, &[3081, 3092, 3095], &[70.0, 1.0, -45.0], "stere|+lat_0=90 +lat_ts=70 +lon_0=-45 +k_0=1"),
+        (15, &[3081, 3095], &[-71.0, 0.0], "stere|+lat_0=-90 +lat_ts=-71 +lon_0=0"),
+        (17, &[3078, 3088, 3089], &[48.0, 11.0, 0.0], "eqc|+lat_0=0 +lon_0=11 +lat_ts=48"),
+        (18, &[3080, 3081], &[11.0, 48.0], "cass|+lat_0=48 +lon_0=11"),
+        (22, &[3080, 3081], &[11.0, 48.0], "poly|+lat_0=48 +lon_0=11"),
+        (9815, &[3088, 3089, 3094, 3096], &[11.0, 48.0, 30.0, 30.0], "omerc|+lat_0=48 +lonc=11 +alpha=30 +gamma=30"),
+        (
+            9815,
+            &[3088, 3089, 3094, 3096],
+            &[7.4, 46.9, 90.0, 90.0],
+            "somerc|+lat_0=46.9 +lon_0=7.4 +alpha=90 +gamma=90",
+        ),
+    ] {
+        let found = system(3075, number, keys, reals).horizontal.unwrap();
+        let (method, rest) = expected.split_once('|').unwrap();
+        assert_eq!(found, format!("+proj={method} +datum=WGS84 +units=m {rest}"));
+    }
+    // Zones of UTM.
+    for (number, expected) in [(16_001, "zone=1"), (16_032, "zone=32"), (16_132, "zone=32 +south")] {
+        let found = system(3074, number, &[], &[0.0]).horizontal;
+        assert_eq!(found, Some(format!("+proj=utm +{expected} +datum=WGS84 +units=m")));
+    }
+    for (key, number, name) in
+        [(3075, 20, "miller"), (3075, 26, "nzmg"), (3075, 99, "method_99_of_GeoTIFF"), (3074, 13_701, "EPSG_13701")]
+    {
+        let refused = system(key, number, &[], &[0.0]);
+        assert_eq!(refused.horizontal, None);
+        match resolve(&refused.citation.unwrap()) {
+            Err(CrsError::Unsupported(why)) => assert!(why.contains(name), "{why}"),
+            other => panic!("{number}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn systems_of_esri() {
+    let [user, code] = [keys(&[[1024, 32767]]), keys(&[[1024, 32767], [3072, 32633]])];
+    assert_eq!(crs_of(&code, "").horizontal.as_deref(), Some("EPSG:32633"));
+    assert_eq!(crs_of(&user, "").horizontal, None);
+    let own = |text: &'static str| {
+        let length = text.len() as u16;
+        crs_of(&[1, 1, 0, 3, 1024, 0, 1, 32767, 3072, 0, 1, 32767, 3073, TEXTS, length, 0], text).horizontal
+    };
+    let text = concat!(
+        r#"ESRI PE String = PROJCS["Own",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,"#,
+        r#"298.257223563]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],"#,
+        r#"PARAMETER["Central_Meridian",11.5],PARAMETER["Scale_Factor",1.0],UNIT["Meter",1.0]]|"#
+    );
+    assert_eq!(own(text).unwrap(), text.trim_start_matches("ESRI PE String = ").trim_end_matches('|'));
+    assert_eq!(own("ESRI PE String = PROJCS[1]|"), None);
 }

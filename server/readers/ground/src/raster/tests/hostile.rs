@@ -108,6 +108,14 @@ fn little_packed_data_that_claims_to_be_much() {
 }
 
 #[test]
+fn other_compressions_are_refused_with_a_command() {
+    let lerc = TestImage::new([2, 1], 1, [8, 1], vec![0; 20]).shorts(259, &[34887]);
+    let read = open(&lerc.file()).unwrap().read_heights(Window { x: 0, y: 0, width: 2, height: 1 }, 0);
+    let error = read.unwrap_err().to_string();
+    assert!(error.contains("LERC") && error.contains("gdal_translate -co COMPRESS=DEFLATE"), "{error}");
+}
+
+#[test]
 fn circles_of_directories() {
     let mut bytes = rich_file(TestForm::default());
     // The link of the last directory, at the end of the file, is set to the first directory.

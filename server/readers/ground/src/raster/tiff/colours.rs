@@ -42,12 +42,19 @@ pub(super) fn alpha_band(layout: &Layout) -> Option<u16> {
 }
 
 impl<'a> Colours<'a> {
-    /// Colours up to `brightest`, or up to the largest number that fits.
-    pub(super) fn new(layout: &'a Layout, nodata: Option<f64>, brightest: Option<f64>) -> Result<Self, RasterError> {
+    /// Colours up to `brightest`, or up to the largest number that fits. `named` are the bands of red, green and blue, if they have
+    /// names.
+    pub(super) fn new(
+        layout: &'a Layout,
+        nodata: Option<f64>,
+        brightest: Option<f64>,
+        named: Option<[u16; 3]>,
+    ) -> Result<Self, RasterError> {
         if !matches!(layout.sample, SampleKind::U8 | SampleKind::U16 | SampleKind::U32) {
             return Err(RasterError::unsupported(format!("colours of type {:?}", layout.sample)));
         }
-        let alpha = alpha_band(layout);
+        let named = named.filter(|bands| bands.iter().all(|band| *band < layout.bands));
+        let alpha = alpha_band(layout).filter(|alpha| named.is_none_or(|bands| !bands.contains(alpha)));
         let colour_bands = layout.bands - u16::from(alpha.is_some());
         let model = match layout.photometric {
             // Writers that do not know of colours have grey and further bands.
@@ -67,12 +74,16 @@ impl<'a> Colours<'a> {
         if colour_bands < used {
             return Err(RasterError::damaged("it has too few bands for its colours"));
         }
-        let bands = (0..layout.bands).filter(|band| Some(*band) != alpha).take(usize::from(used));
+        let mut bands: Vec<u16> = match named.filter(|_| model == Model::Rgb) {
+            Some(named) => named.to_vec(),
+            None => (0..layout.bands).filter(|band| Some(*band) != alpha).take(usize::from(used)).collect(),
+        };
+        bands.extend(alpha);
         Ok(Self {
             model,
-            bands: bands.chain(alpha).collect(),
+            bands,
             colour_bands: usize::from(used),
-            is_associated: layout.extra_samples.contains(&ASSOCIATED_ALPHA),
+            is_associated: alpha.is_some() && layout.extra_samples.contains(&ASSOCIATED_ALPHA),
             max: brightest.unwrap_or_else(|| f64::from(u32::MAX >> (32 - u32::from(layout.bits)))),
             colour_map: &layout.colour_map,
             nodata,

@@ -1,4 +1,4 @@
-//! Tags that GDAL adds to TIFF files: the value of missing pixels, and how numbers become heights.
+//! Tags that GDAL adds to TIFF files: the value of missing pixels, how numbers become heights, and which bands are which colours.
 
 use super::super::error::RasterError;
 use super::super::facts::SampleKind;
@@ -26,6 +26,8 @@ pub(super) struct GdalTags {
     pub(super) unknown_unit: Option<String>,
     /// The largest number of any band.
     pub(super) maximum: Option<f64>,
+    /// The bands with red, green and blue, if each has its name.
+    pub(super) colours: Option<[u16; 3]>,
 }
 
 impl GdalTags {
@@ -46,6 +48,7 @@ impl GdalTags {
             height_unit_m: unit.and_then(metres_of),
             unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
             maximum: maximum(&metadata),
+            colours: colours(&metadata),
         })
     }
 }
@@ -63,6 +66,19 @@ fn maximum(metadata: &str) -> Option<f64> {
     let items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
     let of_maximum = items.filter(|(tag, _)| tag.contains("name=\"STATISTICS_MAXIMUM\""));
     of_maximum.filter_map(|(_, text)| text.split('<').next()?.trim().parse::<f64>().ok()).reduce(f64::max)
+}
+
+/// The bands of red, green and blue by items such as `<Item name="COLORINTERP" sample="2" role="colorinterp">Red</Item>`.
+fn colours(metadata: &str) -> Option<[u16; 3]> {
+    let band = |colour: &str| {
+        let mut items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
+        let (tag, _) = items.find(|(tag, text)| {
+            tag.contains("role=\"colorinterp\"")
+                && text.split('<').next().is_some_and(|name| name.trim().eq_ignore_ascii_case(colour))
+        })?;
+        tag.split_once("sample=\"")?.1.split('"').next()?.parse::<u16>().ok()
+    };
+    Some([band("red")?, band("green")?, band("blue")?])
 }
 
 impl HeightRule {

@@ -2,6 +2,7 @@
 
 use super::super::error::RasterError;
 use super::super::facts::{RasterSize, SampleKind};
+use super::colours::PALETTE;
 use super::directory::{Directory, Entry, TiffFile};
 use super::unpack::{JPEG, NOT_COMPRESSED};
 
@@ -27,6 +28,7 @@ const SAMPLE_FORMAT: u16 = 339;
 const JPEG_TABLES: u16 = 347;
 const CHROMA_SUBSAMPLING: u16 = 530;
 
+const BLACK_IS_ZERO: u64 = 1;
 pub(super) const YCBCR: u64 = 6;
 /// An image in one strip without compression is read in pieces of about this size.
 const PIECE_BYTES: u64 = 1 << 20;
@@ -81,6 +83,10 @@ impl Layout {
         let sample = SampleKind::of_tiff(format, bits)?;
         let offsets = directory.entry(if is_tiled { TILE_OFFSETS } else { STRIP_OFFSETS });
         let offsets = offsets.ok_or_else(|| RasterError::damaged("it has no pixels"))?;
+        let colour_map = file.integers(directory, COLOUR_MAP)?;
+        // Writers that add the list of colours later leave the image grey.
+        let is_palette = photometric == BLACK_IS_ZERO && bands == 1 && !colour_map.is_empty();
+        let photometric = if is_palette { PALETTE } else { photometric };
         let mut layout = Self {
             size,
             bands,
@@ -88,7 +94,7 @@ impl Layout {
             bits: bits as u16,
             photometric,
             extra_samples: file.integers(directory, EXTRA_SAMPLES)?,
-            colour_map: file.integers(directory, COLOUR_MAP)?,
+            colour_map,
             compression,
             predictor,
             has_reversed_bits,

@@ -26,8 +26,8 @@ const SUBFILE_TYPE: u16 = 254;
 const REDUCED: u64 = 1;
 const MASK: u64 = 4;
 const MAX_SAMPLE_VALUE: u16 = 281;
-/// The brightest colours of cameras of 12 and 14 bits, whose pictures have 16.
-const BRIGHTEST: [f64; 2] = [4095.0, 16_383.0];
+/// The brightest colours of 8, 10, 11, 12 and 14 bits, of which pictures have 16.
+const BRIGHTEST: [f64; 5] = [255.0, 1023.0, 2047.0, 4095.0, 16_383.0];
 /// Pixels along the side of a window in which the brightest is sought.
 const SAMPLED_PIXELS: u32 = 64;
 /// Files with more directories are refused.
@@ -55,6 +55,8 @@ pub(super) struct TiffRaster {
     brightest: Option<f64>,
     /// It is guessed by the pixels.
     is_brightest_guessed: bool,
+    /// The bands with red, green and blue, if they have names.
+    colours: Option<[u16; 3]>,
 }
 
 impl TiffRaster {
@@ -93,6 +95,7 @@ impl TiffRaster {
             is_scaled: scaled.is_some(),
             brightest: None,
             is_brightest_guessed: false,
+            colours: gdal.colours,
         };
         if facts.bands > 2 && facts.sample == SampleKind::U16 && raster.has_all_bits() {
             raster.brightest = most.filter(|most| *most < f64::from(u16::MAX));
@@ -196,7 +199,7 @@ impl TiffRaster {
         len: usize,
     ) -> Result<Vec<[u8; 4]>, RasterError> {
         let image = level_of(&self.levels, level)?;
-        let colours = Colours::new(&image.layout, self.nodata, self.brightest)?;
+        let colours = Colours::new(&image.layout, self.nodata, self.brightest, self.colours)?;
         let mut pixels = vec![colours.start(); len];
         self.chunks.visit(image, (&colours.bands, window), self.nodata.unwrap_or(0.0), |slot, pixel, number| {
             colours.add(&mut pixels[pixel], slot, number);

@@ -15,6 +15,8 @@ const OLD_DEFLATE: u64 = 32946;
 const PACK_BITS: u64 = 32773;
 const ZSTD: u64 = 50000;
 pub(super) const WEBP: u64 = 50001;
+/// What to do with a file of another compression.
+const REWRITE: &str = "gdal_translate -co COMPRESS=DEFLATE IN OUT makes a file that is read";
 
 /// Unpacks the first `size` bytes of a chunk. Fails if there are fewer. Memory grows with what is there, not with what
 /// the file says.
@@ -90,7 +92,7 @@ fn name(compression: u64) -> String {
         34887 => "LERC",
         34925 => "LZMA",
         50002 | 52546 => "JPEG XL",
-        _ => return format!("compression {compression}"),
+        _ => return format!("compression {compression} ({REWRITE})"),
     };
-    format!("{name} compression")
+    format!("{name} compression ({REWRITE})")
 }
