@@ -27,7 +27,7 @@ const MAX_COPY_BYTES: u64 = 8 << 30;
 /// Whether the file's name is that of an archive that is read.
 pub fn is_archive(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
-    [".zip", ".3tz", ".slpk"].iter().any(|extension| name.ends_with(extension))
+    [".zip", ".3tz", ".slpk", ".shz"].iter().any(|extension| name.ends_with(extension))
 }
 
 /// The entries of an archive by their normalised names. Names that lead out of the archive are left out, so that no name in

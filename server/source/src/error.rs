@@ -2,6 +2,11 @@
 
 use std::path::Path;
 
+use crate::unread_formats::not_utf8;
+
+/// What the parser of JSON says of bytes that are no UTF-8.
+const NOT_UTF8: &str = "invalid unicode code point";
+
 /// An error that ends the reading. A fault of a single object never does (see [`crate::report::SourceReport::skipped`]).
 /// Every `path` is the input as it was given.
 #[derive(Debug, thiserror::Error)]
@@ -97,7 +102,10 @@ impl InputError {
 
     /// A text is no valid JSON.
     pub fn json(path: &str, error: &serde_json::Error) -> Self {
-        Self::Json { path: path.to_owned(), line: error.line(), column: error.column(), what: json_message(error) }
+        match json_message(error) {
+            what if what == NOT_UTF8 => not_utf8(path),
+            what => Self::Json { path: path.to_owned(), line: error.line(), column: error.column(), what },
+        }
     }
 
     /// A file is damaged at `place`.

@@ -20,6 +20,8 @@ pub const SWAPPED: &str = "coordinates in another order than declared";
 pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
 /// Kind of the problem that coordinates do not fit the system.
 pub const OUTSIDE: &str = "position outside of the area of use of the coordinate system";
+/// Reason for leaving out an area of which no ring has three corners far enough apart.
+pub const FEW_CORNERS: &str = "ring of fewer than three corners";
 /// Note of a height of which nothing is known.
 pub const GUESSED: &str = "height guessed";
 /// Note of a value that should be a height, and is none.
@@ -28,6 +30,8 @@ pub const NOT_UNDERSTOOD: &str = "height not understood";
 pub const GUESSED_FROM_LEVELS: &str = "height guessed from levels";
 /// Note of a height whose unit is not told.
 pub const UNIT_GUESSED: &str = "unit of heights guessed";
+/// Note of the base of a building that only a cut name tells.
+pub const CUT_NAME: &str = "base of a building by a name that a Shapefile has cut";
 /// Note of a height above sea level without that of the ground.
 pub const NO_GROUND_HEIGHT: &str = "height above sea level without that of the ground, taken as above the ground";
 /// Kinds of the problems of a coastline: the map is too wide for it.
@@ -48,6 +52,8 @@ pub const DAMAGED_ATTRIBUTES: &str = "damaged attributes";
 pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
 /// It is none of features that may be read.
 pub const NO_TABLE: &str = "view, virtual or missing table not read";
+/// Kind of the problem that texts are in an encoding that nothing tells, and hardly in the one that is guessed.
+pub const ENCODING_GUESSED: &str = "encoding of texts guessed as Windows-1252, although they look like another";
 /// Kind of the problem that a picture from above has nothing to lie on.
 pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 /// Kind of the problem that it is of another place.
@@ -58,12 +64,43 @@ pub const FAR_TERRAIN: &str = "elevation model far from the city, no terrain mad
 pub const KIND_BY_NAME: &str = "kind of areas guessed by the name of their layer, which no attribute confirms";
 /// Kind of the problem that areas have heights, but the name of their layer tells another kind.
 pub const KIND_AGAINST_NAME: &str = "areas with heights taken as buildings, against the name of their layer";
+/// Kind of the problem that only a column tells that points are trees, and it may be that of other plants or of animals.
+pub const TREES_BY_COLUMN: &str = "points taken as trees by a column of species";
+/// Kind of the problem that points are neither trees nor told to be anything else.
+pub const UNKNOWN_POINT: &str = "point of unknown kind, not drawn: only those of trees are";
+/// Kind of the problem that a tree is lower or higher than trees are.
+pub const TREE_HEIGHT: &str = "height of a tree out of range, taken as unknown";
 /// Kind of the problem that a mesh is in another unit than metres, as a comment or its size suggest.
 pub const MESH_UNIT: &str = "coordinates of a mesh may not be in metres";
 /// Kind of the problem that a mesh whose z axis is taken to point up looks as if y did.
 pub const MESH_UP: &str = "mesh looks as if its y axis points up";
+/// Kind of the problem that a glTF, whose y axis points up, looks as if z did.
+pub const GLTF_UP: &str = "glTF looks as if its z axis points up";
 /// Kind of the problem that a program has not yet written its changes to a database.
 pub const UNSAVED: &str = "changes beside a database not read";
+
+/// Kinds of the problems that an image of a texture is not read: there is none.
+pub const TEXTURE_MISSING: &str = "texture missing";
+/// It lies in another folder.
+pub const TEXTURE_OUTSIDE: &str = "texture outside of the source's folder";
+/// Its file cannot be read.
+pub const TEXTURE_UNREADABLE: &str = "texture unreadable";
+/// It is no image.
+pub const TEXTURE_BROKEN: &str = "texture broken";
+/// It has too many pixels.
+pub const TEXTURE_TOO_LARGE: &str = "texture too large";
+/// It is not fetched.
+pub const TEXTURE_ON_THE_WEB: &str = "texture on the web";
+/// Kind of the problem that the materials of an OBJ are lost.
+pub const LIBRARY_MISSING: &str = "material library missing";
+/// Reasons for leaving out a tile of a tileset: it cannot be read.
+pub const TILE_UNREADABLE: &str = "tile cannot be read";
+/// It is of another format.
+pub const TILE_NOT_READ: &str = "tile has a format that is not read";
+/// It lies elsewhere.
+pub const TILE_NOT_FETCHED: &str = "tile is not fetched";
+/// Those of a subtree cannot be read.
+pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
@@ -71,15 +108,40 @@ pub(crate) const GUESSES: &[&str] = &[
     OUTSIDE,
     NO_CRS,
     UNIT_GUESSED,
+    CUT_NAME,
+    ENCODING_GUESSED,
     NO_GROUND_HEIGHT,
     MISSING_HEIGHTS,
     ODD_ZEROS,
     MISSING_GROUND,
     KIND_BY_NAME,
     KIND_AGAINST_NAME,
+    TREES_BY_COLUMN,
+    TREE_HEIGHT,
     MESH_UNIT,
     MESH_UP,
+    GLTF_UP,
 ];
 /// What is lost as a whole.
-pub(crate) const LOSSES: &[&str] =
-    &[NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_TABLE, UNSAVED, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN];
+pub(crate) const LOSSES: &[&str] = &[
+    NO_ATTRIBUTES,
+    DAMAGED_ATTRIBUTES,
+    FEWER_ATTRIBUTES,
+    NO_TABLE,
+    UNSAVED,
+    UNKNOWN_POINT,
+    PICTURE_ALONE,
+    FAR_PICTURE,
+    FAR_TERRAIN,
+    TEXTURE_MISSING,
+    TEXTURE_OUTSIDE,
+    TEXTURE_UNREADABLE,
+    TEXTURE_BROKEN,
+    TEXTURE_TOO_LARGE,
+    TEXTURE_ON_THE_WEB,
+    LIBRARY_MISSING,
+    TILE_UNREADABLE,
+    TILE_NOT_READ,
+    TILE_NOT_FETCHED,
+    SUBTREE_UNREADABLE,
+];

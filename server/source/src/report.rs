@@ -464,11 +464,11 @@ impl ReadReport {
         self.problems_of(GUESSES).chain(self.sources.iter().filter_map(SourceReport::guessed_heights))
     }
 
-    /// A line for each problem of some kinds in each source.
+    /// A line for each problem of some kinds in each source, also of what is left out.
     fn problems_of(&self, kinds: &'static [&'static str]) -> impl Iterator<Item = String> {
         self.sources.iter().flat_map(move |source| {
             kinds.iter().filter_map(move |kind| {
-                let FaultCount { count, first } = source.problems.get(*kind)?;
+                let FaultCount { count, first } = source.problems.get(*kind).or_else(|| source.skipped.get(*kind))?;
                 let more = more_than(first, *count);
                 Some(format!("{}: {kind}: {}{more}", source.path, first.join(", ")))
             })
@@ -516,7 +516,7 @@ impl ReadReport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problems::DAMAGED_ATTRIBUTES;
+    use crate::problems::{DAMAGED_ATTRIBUTES, TILE_UNREADABLE};
 
     #[test]
     fn texts_and_types_of_a_hostile_source_stay_few_and_short() {
@@ -553,9 +553,11 @@ mod tests {
     fn a_table_that_is_lost_is_a_warning() {
         let mut report = SourceReport::new("a.shp", SourceFormat::Shapefile, 1);
         report.problem(DAMAGED_ATTRIBUTES, || "a.dbf: the file ends within its header".to_owned());
+        report.skip(TILE_UNREADABLE, || "b.glb: not found".to_owned());
         let read = ReadReport { sources: vec![report], ..ReadReport::default() };
-        let expected = "a.shp: damaged attributes: a.dbf: the file ends within its header";
-        assert_eq!(read.warnings().collect::<Vec<_>>(), [expected]);
+        let expected =
+            ["damaged attributes: a.dbf: the file ends within its header", "tile cannot be read: b.glb: not found"];
+        assert_eq!(read.warnings().collect::<Vec<_>>(), expected.map(|text| format!("a.shp: {text}")));
     }
 
     #[test]

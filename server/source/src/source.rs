@@ -63,6 +63,7 @@ impl CitySource<'_> {
 pub enum SourceKind {
     /// CityJSON, GeoJSON, a tileset or a scene layer: the content decides.
     Json,
+    /// CityJSONSeq or GeoJSON in lines: the content decides.
     JsonLines,
     GeoJson,
     GeoJsonLines,
@@ -88,20 +89,23 @@ pub enum SourceKind {
 /// The kind by extension, ignoring `.gz`.
 pub fn kind_by_name(name: &str) -> Option<SourceKind> {
     let name = unpacked_name(name).to_ascii_lowercase();
+    // Some servers and mail programs add it.
+    let name =
+        name.strip_suffix(".txt").filter(|name| name.ends_with("json") || name.ends_with(".csv")).unwrap_or(&name);
     if name.ends_with(PLACE_FILE) {
         return None;
     }
     match name.rsplit_once('.')?.1 {
         "json" | "cityjson" => Some(SourceKind::Json),
-        "jsonl" => Some(SourceKind::JsonLines),
+        "jsonl" | "ndjson" => Some(SourceKind::JsonLines),
         "geojson" => Some(SourceKind::GeoJson),
-        "geojsonl" | "geojsons" => Some(SourceKind::GeoJsonLines),
+        "geojsonl" | "geojsons" | "geojsonseq" | "geojsonlines" | "geojsonld" => Some(SourceKind::GeoJsonLines),
         "obj" => Some(SourceKind::Obj),
         "gml" | "citygml" | "xml" => Some(SourceKind::Xml),
         "fgb" => Some(SourceKind::FlatGeobuf),
         "gpkg" => Some(SourceKind::GeoPackage),
         "shp" => Some(SourceKind::Shapefile),
-        "parquet" | "geoparquet" => Some(SourceKind::GeoParquet),
+        "parquet" | "geoparquet" | "parq" | "pq" => Some(SourceKind::GeoParquet),
         "csv" | "tsv" => Some(SourceKind::Csv),
         "osm" | "pbf" => Some(SourceKind::OpenStreetMap),
         "gltf" | "glb" => Some(SourceKind::Gltf),
@@ -223,7 +227,12 @@ mod tests {
         assert_eq!(kind_by_name("A.CITY.JSONL.GZ"), Some(SourceKind::JsonLines));
         assert_eq!(kind_by_name("b.obj.gz"), Some(SourceKind::Obj));
         assert_eq!(kind_by_name("c.geojson.gz"), Some(SourceKind::GeoJson));
-        assert_eq!(kind_by_name("c.geojsonl"), Some(SourceKind::GeoJsonLines));
+        for name in ["c.geojsonl", "c.geojsonseq", "c.GeoJSONLD.gz"] {
+            assert_eq!(kind_by_name(name), Some(SourceKind::GeoJsonLines), "{name}");
+        }
+        assert_eq!((kind_by_name("c.geojson.txt"), kind_by_name("c.txt")), (Some(SourceKind::GeoJson), None));
+        assert_eq!((kind_by_name("json.txt"), kind_by_name("a_json.txt")), (None, None));
+        assert_eq!(kind_by_name("c.parq"), Some(SourceKind::GeoParquet));
         assert_eq!(kind_by_name("c.OSM.PBF"), Some(SourceKind::OpenStreetMap));
         assert_eq!(kind_by_name("c.gml"), Some(SourceKind::Xml));
         assert_eq!(kind_by_name("b.mtl"), None);

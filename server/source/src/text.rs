@@ -1,20 +1,45 @@
 //! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write.
 
-use std::io::{self, BufRead, Read};
+use std::io::{self, BufRead, Cursor, Read};
 
-use encoding_rs::{CoderResult, Decoder, UTF_16BE, UTF_16LE};
+use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE};
 
 use super::packed::unpacked_name;
+use crate::error::InputError;
 
 /// Extensions of formats that are text without a declaration of its encoding. Those of XML have one, and read it.
 const EXTENSIONS: &[&str] = &[
-    "json", "cityjson", "jsonl", "geojson", "geojsonl", "geojsons", "csv", "tsv", "obj", "mtl", "off", "asc", "osm",
-    "prj", "qpj", "tfw", "jgw", "pgw", "wld",
+    "json",
+    "cityjson",
+    "jsonl",
+    "ndjson",
+    "geojson",
+    "geojsonl",
+    "geojsons",
+    "geojsonseq",
+    "geojsonlines",
+    "geojsonld",
+    "txt",
+    "csv",
+    "tsv",
+    "obj",
+    "mtl",
+    "off",
+    "asc",
+    "osm",
+    "prj",
+    "qpj",
+    "tfw",
+    "jgw",
+    "pgw",
+    "wld",
 ];
 /// Bytes by which an encoding is told.
 pub(crate) const START_BYTES: usize = 3;
 /// Begins a text in UTF-8 of some programs.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+/// The declaration of XML is looked for in this many bytes.
+const DECLARATION_BYTES: u64 = 512;
 /// Decoded bytes that are kept ready.
 const CHUNK_BYTES: usize = 1 << 16;
 
@@ -71,6 +96,42 @@ pub(crate) fn in_utf8(name: &str, bytes: Vec<u8>) -> io::Result<Vec<u8>> {
 fn is_text(name: &str) -> bool {
     let extension = unpacked_name(name).rsplit_once('.').map(|(_, extension)| extension);
     extension.is_some_and(|extension| EXTENSIONS.iter().any(|known| known.eq_ignore_ascii_case(extension)))
+}
+
+/// The bytes of an XML file as UTF-8, by the encoding that it declares. Fails if they cannot be read, or the encoding is not known.
+pub fn in_declared_encoding<'a>(
+    label: &str,
+    mut inner: Box<dyn BufRead + 'a>,
+) -> Result<Box<dyn BufRead + 'a>, InputError> {
+    let mut head = Vec::new();
+    let read = inner.by_ref().take(DECLARATION_BYTES).read_to_end(&mut head);
+    read.map_err(|cause| InputError::io(label, cause))?;
+    let encoding = match declared_encoding(&head) {
+        Some(name) => Encoding::for_label(name.as_bytes())
+            .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
+        None => UTF_8,
+    };
+    let whole = Cursor::new(head).chain(inner);
+    // UTF-16 is UTF-8 already where a file is opened, whatever it declares.
+    match encoding == UTF_8 || !encoding.is_ascii_compatible() {
+        true => Ok(Box::new(whole)),
+        false => Ok(Box::new(DecodingReader::new(whole, encoding.new_decoder()))),
+    }
+}
+
+/// The encoding that `<?xml ... encoding="..."?>` names.
+pub fn declared_encoding(head: &[u8]) -> Option<String> {
+    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+    if !head.starts_with(b"<?xml") {
+        return None;
+    }
+    let end = head.iter().position(|byte| *byte == b'>')?;
+    let declaration = String::from_utf8_lossy(&head[..end]);
+    let (_, value) = declaration.split_once("encoding")?;
+    let value = value.trim_start().strip_prefix('=')?.trim_start();
+    let quote = value.chars().next().filter(|quote| matches!(quote, '"' | '\''))?;
+    let name = value.get(1..)?.split(quote).next()?;
+    Some(name.trim().to_owned())
 }
 
 /// Decodes bytes to UTF-8. Those that are invalid in the encoding become U+FFFD.

@@ -1,8 +1,14 @@
 //! Formats of city models that are not read, and the program that converts each.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use insula_archive::file::open_regular;
 use insula_protocol::text::shell_word;
 
 use crate::error::InputError;
+use crate::source::{SourceKind, kind_by_name};
 
 /// How a file becomes one that is read.
 enum Conversion {
@@ -10,8 +16,10 @@ enum Conversion {
     Command { command: &'static str, extension: &'static str },
     /// Anything else to do.
     Advice(&'static str),
+    /// It is read under a name with this extension.
+    Rename(&'static str),
 }
-use Conversion::{Advice, Command};
+use Conversion::{Advice, Command, Rename};
 
 const TO_OBJ: Conversion = Command { command: "assimp export IN OUT", extension: "obj" };
 const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT IN", extension: "geojson" };
@@ -26,6 +34,12 @@ const FROM_HISTORY: Conversion = Advice("osmium time-filter makes a map of one d
 const FROM_CHANGES: Conversion = Advice("osmium apply-changes makes a map (.osm.pbf) of one and its changes");
 const FROM_PAGE: Conversion = Advice("see what it says, and fetch the file again");
 const FROM_OVERPASS: Conversion = Advice("ask the API for XML ([out:xml]), and name the file .osm");
+const TO_OSM: Conversion = Command { command: "osmium cat IN -o OUT", extension: "osm.pbf" };
+const TO_CSV: Conversion = Command { command: "ogr2ogr -f CSV OUT IN", extension: "csv" };
+/// Its world file tells no coordinate system.
+const TO_PLACED_TIF: Conversion = Command { command: "gdal_translate -a_srs EPSG:N IN OUT", extension: "tif" };
+const FROM_DATABASE: Conversion =
+    Advice("convert the folder .gdb that it is of with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT.geojson FOLDER.gdb");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
@@ -33,6 +47,12 @@ const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its f
 const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["kml", "kmz"], "KML", TO_GEOJSON),
     (&["gdb", "mdb"], "Esri geodatabase", TO_GEOJSON),
+    (&["gdbtable"], "a table of an Esri geodatabase", FROM_DATABASE),
+    (&["tab", "mif"], "MapInfo", TO_GEOJSON),
+    (&["sqlite"], "SpatiaLite", TO_GEOJSON),
+    (&["mbtiles", "pmtiles"], "vector tiles", TO_GEOJSON),
+    (&["gpx"], "GPX", TO_GEOJSON),
+    (&["xlsx", "ods"], "spreadsheets", TO_CSV),
     (&["ifc"], "IFC", Command { command: "IfcConvert IN OUT", extension: "obj" }),
     (&["fbx"], "FBX", TO_OBJ),
     (&["3ds"], "3DS", TO_OBJ),
@@ -47,11 +67,42 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["blend"], "Blender", FROM_CAD),
     (&["e57"], "point clouds", FROM_POINTS),
     (&["xyz"], "points as text", FROM_TEXT),
-    (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
+    (
+        &["vrt", "img", "dem", "bil", "flt", "ecw", "jp2", "nc", "grd", "sdat", "dt0", "dt1", "dt2"],
+        "rasters",
+        TO_GEOTIFF,
+    ),
+    (&["o5m", "opl"], "OpenStreetMap in another form", TO_OSM),
     (&["osh"], "histories of OpenStreetMap", FROM_HISTORY),
     (&["osc"], "changes of OpenStreetMap", FROM_CHANGES),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
-    (&["zip", "3tz", "slpk"], "an archive inside an archive", UNPACK_OUTER),
+    (&["zip", "3tz", "slpk", "shz"], "an archive inside an archive", UNPACK_OUTER),
+];
+
+/// Pictures from above that are no GeoTIFF. In folders, they are textures.
+const PICTURES: (&[&str], &str, Conversion) =
+    (&["jpg", "jpeg", "png"], "a picture without a coordinate system", TO_PLACED_TIF);
+
+/// First bytes of formats that are read under other names.
+const BYTES: &[(&[u8], &str, Conversion)] = &[
+    (b"SQLite format 3\0", "a GeoPackage or another database of SQLite", Rename("gpkg")),
+    (b"PK\x03\x04", "a ZIP archive", Rename("zip")),
+    (b"fgb\x03", "FlatGeobuf", Rename("fgb")),
+    (b"PAR1", "Parquet", Rename("parquet")),
+    (b"glTF", "glTF", Rename("glb")),
+    (b"II*\0", "TIFF", Rename("tif")),
+    (b"MM\0*", "TIFF", Rename("tif")),
+    (b"LASF", "a point cloud", Rename("las")),
+    (b"\0\0\x27\x0a", "a Shapefile", Rename("shp")),
+];
+
+/// Texts at the start of files that are read under other names, as in [`CONTENTS`].
+const TEXTS: &[(&[&str], &str, Conversion)] = &[
+    (&["\"type\"", "\"featurecollection\""], "GeoJSON", Rename("geojson")),
+    (&["\"type\"", "\"feature\""], "GeoJSON", Rename("geojson")),
+    (&["\"type\"", "\"cityjson\""], "CityJSON", Rename("city.json")),
+    (&["<osm"], "OpenStreetMap", Rename("osm")),
+    (&["<", "citymodel"], "CityGML", Rename("gml")),
 ];
 
 /// Texts at the start of files whose content is of another format than their name says, and that format. A file must have all texts of a
@@ -63,6 +114,7 @@ const CONTENTS: &[(&[&str], &str, Conversion)] = &[
     (&["<serviceexception"], "the error of a web service", FROM_PAGE),
     (&["version https://git-lfs"], "a pointer of Git LFS", Advice("git lfs pull fetches the file that it stands for")),
     (&["<kml"], "KML", TO_GEOJSON),
+    (&["<gpx"], "GPX", TO_GEOJSON),
     (&["\"geometrytype\"", "\"esrigeometry"], "Esri JSON", TO_GEOJSON),
     (&["\"type\"", "\"topology\"", "\"arcs\""], "TopoJSON", TO_GEOJSON),
     (&["\"elements\"", "\"nodes\""], "an answer of the Overpass API as JSON", FROM_OVERPASS),
@@ -89,10 +141,22 @@ pub fn format_of(name: &str) -> Option<&'static str> {
 
 /// The error of a file whose name is not that of a city file: how to convert it, if that is known.
 pub fn refusal(path: &str) -> InputError {
+    let is_picture = || extension(path).is_some_and(|extension| PICTURES.0.contains(&extension.as_str()));
     match find(path) {
         Some((_, format, conversion)) => not_read(path, format, conversion),
+        None if is_picture() => not_read(path, PICTURES.1, &PICTURES.2),
         None => InputError::unknown_format(path, "its name is not that of a city file"),
     }
+}
+
+/// As [`refusal`], of a file whose content may tell what it is, where its name does not.
+pub fn refusal_of_file(path: &Path) -> InputError {
+    let label = path.display().to_string();
+    let mut start = Vec::new();
+    let read = |file: File| file.take(CONTENT_BYTES).read_to_end(&mut start);
+    let is_read = find(&label).is_none() && open_regular(path).and_then(read).is_ok();
+    let by_content = if is_read { by_content(&label, &start) } else { None };
+    by_content.unwrap_or_else(|| refusal(&label))
 }
 
 /// As [`refusal`], of a file in an archive, which programs do not find by its path.
@@ -110,6 +174,20 @@ pub fn refusal_in_archive(archive: &str, name: &str) -> InputError {
 
 /// The error of a file that could not be read and begins as one of another format; `None` if that is not known.
 pub fn by_content(path: &str, start: &[u8]) -> Option<InputError> {
+    let own = kind_by_name(path);
+    let is_other = |conversion: &Conversion| match conversion {
+        Rename(extension) => {
+            let kind = kind_by_name(&format!("a.{extension}"));
+            let are = |is_of: fn(SourceKind) -> bool| own.is_some_and(is_of) && kind.is_some_and(is_of);
+            kind.is_none() || own != kind && !are(is_json) && !are(is_xml)
+        }
+        _ => true,
+    };
+    if let Some((_, format, conversion)) =
+        BYTES.iter().find(|(bytes, _, conversion)| start.starts_with(bytes) && is_other(conversion))
+    {
+        return Some(not_read(path, format, conversion));
+    }
     let start = String::from_utf8_lossy(start).to_lowercase();
     let start = start.trim_start_matches('\u{feff}').trim_start();
     let start = start.strip_prefix("<?xml").and_then(|rest| rest.split_once("?>")).map_or(start, |(_, rest)| rest);
@@ -117,8 +195,25 @@ pub fn by_content(path: &str, start: &[u8]) -> Option<InputError> {
     let start = if is_json { start } else { start.trim_start().split(['>', '\n']).next().unwrap_or_default() };
     let is_of_json = |text: &str| text.starts_with('"');
     let begins = |texts: &[&str]| texts.iter().all(|text| is_of_json(text) == is_json && start.contains(text));
-    let (_, format, conversion) = CONTENTS.iter().find(|(texts, ..)| begins(texts))?;
+    let mut rows = CONTENTS.iter().chain(TEXTS);
+    let (_, format, conversion) = rows.find(|(texts, _, conversion)| begins(texts) && is_other(conversion))?;
     Some(not_read(path, format, conversion))
+}
+
+fn is_json(kind: SourceKind) -> bool {
+    matches!(kind, SourceKind::Json | SourceKind::JsonLines | SourceKind::GeoJson | SourceKind::GeoJsonLines)
+}
+
+fn is_xml(kind: SourceKind) -> bool {
+    matches!(kind, SourceKind::Xml | SourceKind::OpenStreetMap)
+}
+
+/// The error of a JSON whose bytes are no UTF-8.
+pub(crate) fn not_utf8(path: &str) -> InputError {
+    let (folder, name) = path.split_at(path.rfind('/').map_or(0, |slash| slash + 1));
+    let out = format!("{folder}utf8-{name}");
+    let advice = format!("convert it with: iconv -f WINDOWS-1252 -t UTF-8 {} > {}", shell_word(path), shell_word(&out));
+    InputError::NotRead { path: path.to_owned(), format: "JSON that is not in UTF-8", advice }
 }
 
 /// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
@@ -132,11 +227,16 @@ fn not_read(path: &str, format: &'static str, conversion: &Conversion) -> InputE
 
 /// How to make a file that is read of the one at `path`.
 fn advice(path: &str, conversion: &Conversion) -> String {
+    let renamed = |extension: &str| {
+        let file = path.rfind('/').map_or(0, |slash| slash + 1);
+        let end = path.strip_suffix(".gz").unwrap_or(path).rfind('.').filter(|end| *end > file).unwrap_or(path.len());
+        format!("{}.{extension}", &path[..end])
+    };
     match conversion {
         Advice(advice) => (*advice).to_owned(),
+        Rename(extension) => format!("rename it to {}", renamed(extension)),
         Command { command, extension } => {
-            let end = path.strip_suffix(".gz").unwrap_or(path).rfind('.').unwrap_or(path.len());
-            let out = format!("{}.{extension}", &path[..end]);
+            let out = renamed(extension);
             let words = command.split(' ').map(|word| match word {
                 "IN" => shell_word(path).into_owned(),
                 "OUT" => shell_word(&out).into_owned(),
@@ -163,6 +263,11 @@ mod tests {
         assert!(message("a.e57").contains("roofer"));
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
+        assert!(message("a/town.gdb").ends_with("-t_srs EPSG:4326 a/town.geojson a/town.gdb"));
+        assert!(message("a.dt2").ends_with("rasters: not read; convert it with: gdal_translate a.dt2 a.tif"));
+        assert!(message("a.o5m").ends_with("osmium cat a.o5m -o a.osm.pbf"));
+        assert!(message("a.jpg").ends_with("gdal_translate -a_srs EPSG:N a.jpg a.tif"));
+        assert_eq!(format_of("a.jpg"), None, "a texture");
     }
 
     #[test]
@@ -186,6 +291,27 @@ mod tests {
         {
             assert_eq!(message(start), None, "{start}");
         }
+    }
+
+    #[test]
+    fn formats_under_wrong_names_are_known_by_their_start() {
+        let message = |path: &str, start: &[u8]| by_content(path, start).map(|error| error.to_string());
+        let database = b"SQLite format 3\0\x10";
+        let named = message("d.x/a.geojson", database).unwrap();
+        assert!(named.ends_with("another database of SQLite: not read; rename it to d.x/a.gpkg"), "{named}");
+        assert!(message("d.x/a", b"PAR1").unwrap().ends_with("rename it to d.x/a.parquet"));
+        let lines = b"{\"type\": \"Feature\"}\n";
+        assert!(message("a.dat", lines).unwrap().ends_with("GeoJSON: not read; rename it to a.geojson"));
+        assert!(
+            message("a.bin", b"<?xml version=\"1.0\"?>\n<core:CityModel xmlns=\"x\">").unwrap().contains("CityGML")
+        );
+        for (path, start) in
+            [("a.gpkg", &database[..]), ("a.json", &lines[..]), ("a.xml", &b"<osm>"[..]), ("a.txt", &b"osm"[..])]
+        {
+            assert_eq!(message(path, start), None, "{path}");
+        }
+        let text = not_utf8("in/my town.json").to_string();
+        assert!(text.ends_with("iconv -f WINDOWS-1252 -t UTF-8 'in/my town.json' > 'in/utf8-my town.json'"), "{text}");
     }
 
     #[test]

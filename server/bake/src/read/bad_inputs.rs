@@ -3,8 +3,12 @@
 //! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
 
 use insula_source::error::InputError;
-use insula_source::problems::FAR;
+use insula_source::problems::{FAR, FEW_CORNERS};
 use insula_source::report::{BadInput, SourceReport};
+
+/// What to do if rings in a declared system have no size.
+pub(super) const TOO_SMALL: &str =
+    "check the coordinate system that it declares, because degrees that are declared as metres give such rings";
 
 /// Decides what becomes of bad inputs, and collects those that are skipped.
 pub(super) struct BadInputs {
@@ -55,6 +59,10 @@ pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
     }
     let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;
     let example = fault.first.first().map(|first| format!(" ({first})")).unwrap_or_default();
-    let advice = if reason == FAR { "check its coordinate system and its units" } else { "repair it" };
+    let advice = match reason.as_str() {
+        FAR => "check its coordinate system and its units",
+        FEW_CORNERS if source.crs.is_some() => TOO_SMALL,
+        _ => "repair it",
+    };
     Some(InputError::NothingLeft { path: source.path.clone(), objects, reason: format!("{reason}{example}"), advice })
 }

@@ -9,6 +9,9 @@ const SEARCHED_BYTES: u64 = 64 << 10;
 /// Longest text of a member that tells the type.
 const MAX_TYPE_BYTES: u64 = 1 << 20;
 
+/// Begins each record of GeoJSON as a sequence.
+const RECORD_SEPARATOR: u8 = 0x1e;
+
 /// Formats that have the same file extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum JsonKind {
@@ -30,6 +33,9 @@ pub(super) fn of(source: &CitySource<'_>) -> JsonKind {
     if let Ok(opened) = open(source) {
         // A fault of the file is found again by its reader.
         let _ = opened.reader.take(SEARCHED_BYTES).read_to_end(&mut start);
+    }
+    if start.trim_ascii_start().first() == Some(&RECORD_SEPARATOR) {
+        return JsonKind::GeoJson;
     }
     let has = |text: &str| start.windows(text.len()).any(|window| window == text.as_bytes());
     let type_name = vector::read_type(source, MAX_TYPE_BYTES);
@@ -53,6 +59,7 @@ mod tests {
         let kind = |text: &str| of(&embedded(&[("a.json", text.as_bytes())])[0]);
         assert_eq!(kind(r#"{"features": [], "type": "FeatureCollection"}"#), JsonKind::GeoJson);
         assert_eq!(kind(r#"{"geometry": null, "type": "Feature"}"#), JsonKind::GeoJson);
+        assert_eq!(kind("\u{1e}{"), JsonKind::GeoJson);
         assert_eq!(kind(r#"{"type": "CityJSONFeature"}"#), JsonKind::Other);
         assert_eq!(kind(r#"{"asset": {"version": "1.0"}, "geometricError": 5, "root": {}}"#), JsonKind::Tileset);
         assert_eq!(kind(r#"{"id": 0, "layerType": "3DObject", "store": {}}"#), JsonKind::SceneLayer);

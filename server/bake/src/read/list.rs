@@ -25,6 +25,8 @@ use insula_source::unread_formats;
 const MAX_DEPTH: usize = 24;
 /// Larger lists are refused.
 const MAX_LIST_BYTES: u64 = 64 << 20;
+/// End of the name of a folder that is a database of Esri.
+const DATABASE: &str = ".gdb";
 /// Files that are a whole city together with all others in their folder and below.
 const WHOLE_FOLDERS: [&str; 3] = ["tileset.json", "3dSceneLayer.json", "3dSceneLayer.json.gz"];
 
@@ -206,6 +208,10 @@ impl Lister {
     fn add(&mut self, path: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
         let label = path.display().to_string();
         let meta = fs::metadata(path).map_err(|cause| InputError::io(&label, cause))?;
+        let folder = label.trim_end_matches('/');
+        if meta.is_dir() && folder.to_ascii_lowercase().ends_with(DATABASE) {
+            return Err(unread_formats::refusal(folder));
+        }
         let is_packed = meta.is_file() && is_archive(&label);
         if !meta.is_dir() && !is_packed {
             return self.add_file(path);
@@ -287,7 +293,7 @@ impl Lister {
         // Bytes of a name that are not UTF-8 are shown as replacement characters.
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if kind_by_name(&name).is_none() {
-            return Err(unread_formats::refusal(&label));
+            return Err(unread_formats::refusal_of_file(path));
         }
         if !self.is_new(path) {
             return Ok(());
@@ -377,7 +383,13 @@ fn walk(folder: &Path, prefix: &str, depth: usize, paths: &mut BTreeMap<String, 
 
 /// The sources among the names of files.
 fn select(mut names: Vec<String>) -> SelectedFiles {
+    for name in &mut names {
+        if let Some(at) = name.to_ascii_lowercase().find(".gdb/") {
+            name.truncate(at + DATABASE.len());
+        }
+    }
     names.sort();
+    names.dedup();
     let split = |name: &str| {
         name.rsplit_once('/').map_or((String::new(), name.to_owned()), |(a, b)| (format!("{a}/"), b.to_owned()))
     };
@@ -429,6 +441,21 @@ mod tests {
         assert_eq!(selected(&["tileset.json", "x.json"]), ["tileset.json"]);
         let unread = select(vec!["a.ifc".to_owned(), "b/c.ifc".to_owned(), "d.json".to_owned()]).unread;
         assert_eq!(unread, [("IFC", "a.ifc".to_owned(), 2)]);
+        let unread = select(["d/a.gdb/a01.gdbtable", "d/a.gdb/a02.spx"].map(str::to_owned).to_vec()).unread;
+        assert_eq!(unread, [("Esri geodatabase", "d/a.gdb".to_owned(), 1)]);
+    }
+
+    #[test]
+    fn files_of_other_names_are_told_by_their_content() {
+        let folder = insula_test_support::folder::TestFolder::new("wrong-names");
+        fs::create_dir_all(folder.path.join("town.gdb")).unwrap();
+        fs::write(folder.path.join("town.gdb/a00000001.gdbtable"), "x").unwrap();
+        fs::write(folder.path.join("town"), r#"{"type": "FeatureCollection", "features": []}"#).unwrap();
+        for (name, end) in [("town", "GeoJSON: not read; rename"), ("town.gdb", "geodatabase: not read; convert")] {
+            let found = list(&[folder.path.join(name)], &ReadOptions::default(), &mut BadInputs::new(false));
+            let error = found.err().unwrap().to_string();
+            assert!(error.contains(end), "{error}");
+        }
     }
 
     /// A ZIP archive of empty files.

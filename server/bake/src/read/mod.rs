@@ -53,7 +53,7 @@ use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
-use bad_inputs::{BadInputs, nothing_left};
+use bad_inputs::{BadInputs, TOO_SMALL, nothing_left};
 use context::{ByteProgress, ReadContext};
 use insula_dress::map_store::MapStore;
 use insula_read_city::{CityJsonForm, read_citygml};
@@ -62,7 +62,7 @@ use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh, read_obj}
 use insula_scratch::record_list::RecordScratch;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
-use insula_source::problems::INEXACT;
+use insula_source::problems::{FEW_CORNERS, INEXACT};
 use insula_source::source::{CitySource, SourceKind, embedded, kind_by_name, open};
 use insula_source::{subject, unread_formats};
 use json_kind::JsonKind;
@@ -347,7 +347,10 @@ fn read_source(
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     // Any folder has files of these names that are no cities.
-    let is_common = matches!(kind_by_name(&source.name), Some(SourceKind::Json | SourceKind::Xml | SourceKind::Csv));
+    let is_common = matches!(
+        kind_by_name(&source.name),
+        Some(SourceKind::Json | SourceKind::JsonLines | SourceKind::Xml | SourceKind::Csv)
+    );
     match read_by_kind(context, source, tick) {
         Err(InputError::Unsupported { .. } | InputError::UnknownFormat { .. }) if source.found && is_common => Ok(None),
         Err(
@@ -389,6 +392,9 @@ fn read_by_kind(
             JsonKind::GeoJson => (SourceFormat::GeoJson, vector::read_geojson),
             JsonKind::Other => return read_cityjson(context, source, CityJsonForm::Document, tick).map(Some),
         },
+        SourceKind::JsonLines if json_kind::of(source) == JsonKind::GeoJson => {
+            (SourceFormat::GeoJson, vector::read_geojson)
+        }
         SourceKind::JsonLines => return read_cityjson(context, source, CityJsonForm::Sequence, tick).map(Some),
         SourceKind::GeoJson | SourceKind::GeoJsonLines => (SourceFormat::GeoJson, vector::read_geojson),
         SourceKind::Obj => (SourceFormat::Obj, read_obj),
@@ -470,5 +476,7 @@ fn empty_city(report: &ReadReport, bbox_deg: Option<[f64; 4]>) -> InputError {
         return InputError::Empty { sources, hint, advice };
     }
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
-    InputError::Empty { sources, hint, advice: "check that the input contains surfaces" }
+    let is_small = |source: &SourceReport| source.crs.is_some() && source.skipped.contains_key(FEW_CORNERS);
+    let advice = if report.sources.iter().any(is_small) { TOO_SMALL } else { "check that the input contains surfaces" };
+    InputError::Empty { sources, hint, advice }
 }

@@ -7,6 +7,7 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::ops::Range;
 use std::rc::Rc;
 
+use super::json_kind::{self, JsonKind};
 use insula_source::input::{LocalFile, Share, SourceFiles};
 use insula_source::random_file::{RandomFile, RandomReader};
 use insula_source::source::{CitySource, SourceKind, kind_by_name};
@@ -22,6 +23,8 @@ pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CityS
         return vec![source];
     }
     let has_header = match kind_by_name(&source.name) {
+        // The first line of one slice may not tell that of all.
+        Some(SourceKind::JsonLines) if json_kind::of(&source) == JsonKind::GeoJson => return vec![source],
         Some(SourceKind::JsonLines) => Some(true),
         Some(SourceKind::GeoJsonLines) => Some(false),
         Some(SourceKind::FlatGeobuf | SourceKind::GeoParquet) => None,
@@ -201,6 +204,7 @@ mod tests {
         for (name, bytes) in [
             ("a.jsonl", gzip(&noise)),
             ("b.jsonl", utf16(&lines, false)),
+            ("c.jsonl", "{\"type\": \"Feature\"}\n".repeat(9).into()),
             ("a.obj", lines.clone().into()),
             ("a.geojson", lines.into()),
         ] {

@@ -11,6 +11,9 @@ use crate::scene::SceneTexture;
 use crate::scene::texture_store::{TextureFacts, TextureStore};
 use insula_dress::alpha_mask::AlphaGrid;
 use insula_source::files::OUTSIDE;
+use insula_source::problems::{
+    TEXTURE_BROKEN, TEXTURE_MISSING, TEXTURE_ON_THE_WEB, TEXTURE_OUTSIDE, TEXTURE_TOO_LARGE, TEXTURE_UNREADABLE,
+};
 use insula_source::report::SourceReport;
 use insula_source::source::{CitySource, read_sibling};
 
@@ -153,9 +156,7 @@ impl TextureLoader {
         let is_whole = u64::from(width) * u64::from(height) == rgba.len() as u64 && !rgba.is_empty();
         self.load_by(source, format!("{}#{name}", source.name), report, || match is_whole {
             true => Ok(Decoded::new([width, height], rgba.iter().copied())),
-            false => {
-                Err(TextureFault { kind: "texture broken", detail: format!("{width} x {height} texels expected") })
-            }
+            false => Err(TextureFault { kind: TEXTURE_BROKEN, detail: format!("{width} x {height} texels expected") }),
         })
     }
 
@@ -206,7 +207,7 @@ fn in_folder(source: &CitySource<'_>, name: &str) -> String {
 fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<Decoded, TextureFault> {
     if name.contains("://") {
         return Err(TextureFault {
-            kind: "texture on the web",
+            kind: TEXTURE_ON_THE_WEB,
             detail: "remote images are not fetched, put the image next to the file".to_owned(),
         });
     }
@@ -217,9 +218,9 @@ fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<Decoded,
     let bytes = read(name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
     let bytes = bytes.map_err(|error| {
         let kind = match error.kind() {
-            ErrorKind::NotFound => "texture missing",
-            ErrorKind::PermissionDenied if error.to_string() == OUTSIDE => "texture outside of the source's folder",
-            _ => "texture unreadable",
+            ErrorKind::NotFound => TEXTURE_MISSING,
+            ErrorKind::PermissionDenied if error.to_string() == OUTSIDE => TEXTURE_OUTSIDE,
+            _ => TEXTURE_UNREADABLE,
         };
         TextureFault { kind, detail: error.to_string() }
     })?;
@@ -228,14 +229,14 @@ fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<Decoded,
 
 /// Decodes an image if its header announces an acceptable size.
 fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<Decoded, TextureFault> {
-    let broken = |error: &dyn std::fmt::Display| TextureFault { kind: "texture broken", detail: one_line(error) };
+    let broken = |error: &dyn std::fmt::Display| TextureFault { kind: TEXTURE_BROKEN, detail: one_line(error) };
     let bytes = Cursor::new(bytes);
     let header = ImageReader::new(bytes.clone()).with_guessed_format().map_err(|error| broken(&error))?;
     let (width, height) = header.into_dimensions().map_err(|error| broken(&error))?;
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > max_pixels {
         let detail = format!("{width} x {height} pixels, more than the limit of {max_pixels} in all");
-        return Err(TextureFault { kind: "texture too large", detail });
+        return Err(TextureFault { kind: TEXTURE_TOO_LARGE, detail });
     }
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(|error| broken(&error))?;
     let mut limits = Limits::default();

@@ -1,6 +1,6 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
-use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
+use insula_source::problems::{CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight, UnitGuess};
@@ -10,7 +10,10 @@ use insula_source::units::{HeightUnit, metres_of};
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
-pub(super) const BASE: &[&str] = &["min_height", "building:min_height", "render_min_height", "base_height"];
+pub(super) const BASE: &[&str] =
+    &["min_height", "building:min_height", "render_min_height", "render_min", "base_height"];
+/// What Shapefiles leave of `building:min_height`, and of the name of a material.
+const CUT_BASE: &str = "building_m";
 const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
 
 /// Height of a storey, where only the number of storeys is known.
@@ -60,14 +63,15 @@ impl BuildingHeight {
             let levels = BASE_LEVEL.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
             first_in_range(levels, BASE_LEVEL_RANGE, &mut note).map(|(_, levels)| levels * LEVEL_M)
         });
-        let base_m = base_m.unwrap_or(0.0);
         if let Some(top_m) = top_m(attributes, &named, hints, &mut note) {
+            let base_m = base_m.or_else(|| cut_base_m(attributes, plain_m, top_m, &mut note)).unwrap_or(0.0);
             if base_m < top_m {
                 return Self { base_m, top_m, is_without_roof: false };
             }
             note("base not below the top, taken as 0", &format!("{base_m} to {top_m}"));
             return Self { base_m: 0.0, top_m, is_without_roof: false };
         }
+        let base_m = base_m.unwrap_or(0.0);
         // Storeys in the place of a height are counted, too.
         let told = of_role(&named, HeightRole::Top, 1.0).filter(|(_, value, _)| storeys(value).is_some());
         let levels = of_role(&named, HeightRole::Levels, 1.0).chain(told);
@@ -89,6 +93,14 @@ impl BuildingHeight {
         note(GUESSED, &format!("{UNKNOWN_M} m"));
         Self { base_m, top_m: base_m + UNKNOWN_M, is_without_roof: false }
     }
+}
+
+/// The base below a top by a cut name, of which only the number tells that it is one.
+fn cut_base_m(attributes: &Attributes, plain_m: f64, top_m: f64, note: &mut impl FnMut(&str, &str)) -> Option<f64> {
+    let value = attributes.named(CUT_BASE).filter(|value| value.as_str().is_none())?;
+    let base_m = value.as_f64().map(|number| number * plain_m).filter(|base_m| *base_m > 0.0 && *base_m < top_m)?;
+    note(CUT_NAME, &format!("{CUT_BASE} is {value}, taken as building:min_height"));
+    Some(base_m)
 }
 
 /// Height of all storeys together, if CityGML's list has one for each of them, or one for all. Marks of missing ones are none.
@@ -270,6 +282,12 @@ mod tests {
         assert_eq!(height(r#"{"Height": 10, "Building_Min_Height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"render_height": 10, "render_min_height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"height": 10, "base_height": 4}"#), (4.0, 10.0, vec![]));
+        // As Shapefiles cut them.
+        assert_eq!(height(r#"{"render_hei": 10, "render_min": 4}"#), (4.0, 10.0, vec![]));
+        assert_eq!(height(r#"{"building_h": 10, "building_m": 4}"#), (4.0, 10.0, vec![CUT_NAME.to_owned()]));
+        for material in [r#""brick""#, "10", "0"] {
+            assert_eq!(height(&format!(r#"{{"building_h": 10, "building_m": {material}}}"#)), (0.0, 10.0, vec![]));
+        }
         assert_eq!(height(r#"{"NUM_FLOORS": 4, "MIN_FLOOR": 1}"#).0, 3.0);
     }
 

@@ -33,12 +33,13 @@ static NAMES: [(HeightRole, &str); 4] = [
          heightavg avght meanht hgtmean medianheight heightmedian medianhgt hgtmedian relh2 approxhgt estheight \
          estimatedheight heightest renderheight totalheight topheight heighttop hght gebhoehe hoehegeb alturamax \
          alturamedia alturatotal hautmax hauteurmoyenne hauteurmoy hautmoy altezzamax altezzamedia altezzavolume \
-         p95height heightp95 hgebouw ridgeheight firsthoehe nokhoogte eaveheight eavesheight eaveht traufhoehe goothoogte",
+         p95height heightp95 hgebouw ridgeheight firsthoehe nokhoogte eaveheight eavesheight eaveht traufhoehe goothoogte \
+         treeheight baumhoehe baumhohe boomhoogte hauteurarbre alturaarbol",
     ),
     (
         HeightRole::Elevation,
-        "hdakmax hdak70p hdak50p b3hdakmax b3hdak70p b3hdak50p zmaxtoit dachmax roofelev roofelevation roofz zroof \
-         topelev topelevation bldgelev abshmax absh2",
+        "hdakmax hdak70p hdak50p b3hdakmax b3hdak70p b3hdak50p b3hdakm b3hdak7 b3hdak5 zmaxtoit dachmax roofelev \
+         roofelevation roofz zroof topelev topelevation bldgelev abshmax absh2",
     ),
     (
         HeightRole::Ground,
@@ -305,7 +306,11 @@ mod tests {
         assert_eq!(role("hgt_maxcm"), Some((HeightRole::Top, Some(0.01))));
         assert_eq!(role("HEIGHT_MM"), Some((HeightRole::Top, Some(0.001))));
         assert_eq!(role("HeightUSft").map(|(_, unit_m)| unit_m), Some(Some(insula_source::units::US_FOOT_M)));
-        assert_eq!(role("b3_h_dak_max"), Some((HeightRole::Elevation, None)));
+        for name in ["b3_h_dak_max", "b3_h_dak_m", "b3_h_dak_7"] {
+            assert_eq!(role(name), Some((HeightRole::Elevation, None)), "{name}");
+        }
+        assert_eq!(role("b3_h_maaiv"), Some((HeightRole::Ground, None)));
+        assert_eq!(role("Baumhöhe"), Some((HeightRole::Top, None)));
         assert_eq!(role("H_MAAIVELD"), Some((HeightRole::Ground, None)));
         // Limits for vehicles, parts of a roof, a place within a building.
         for name in [

@@ -3,6 +3,7 @@
 use super::height::BuildingHeight;
 use crate::polygon::{Areas, CROSSING, MAX_CORNERS, PolygonFault, Rings, Triangulator, area_m2, clean, crosses_itself};
 use crate::world_triangle::WorldTriangle;
+use insula_source::problems::FEW_CORNERS;
 
 /// Corners nearer than this are welded.
 const WELD_M: f64 = 1e-3;
@@ -153,7 +154,7 @@ fn repair_ring(
         ring.pop();
     }
     if ring.len() < 3 {
-        return Err("ring of fewer than three corners");
+        return Err(FEW_CORNERS);
     }
     if !closed {
         note("ring not closed, closed");

@@ -1,7 +1,7 @@
 //! Models of single files (PLY, OFF, OBJ, STL), for the tools that compress and simplify meshes.
 
 mod obj;
-mod off;
+pub mod off;
 mod ply;
 pub mod ply_header;
 pub mod ply_values;

@@ -84,6 +84,11 @@ fn text_variants_of_other_programs_are_read() {
     let off = "OFF # a comment\n# another\n\n5 2 0\n0 0 0\n1 0 0 \n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4 255 0 0\n";
     let model = TriangleModel::read(off.as_bytes(), ModelFormat::Off).unwrap();
     assert_eq!(model.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
+    let coloured = "STCNOFF\n3 1 0\n0 0 0 255 0 0 255\n1 0 0 255 0 0 255\n0 1 0 255 0 0 255\n3 0 1 2\n";
+    assert_eq!(TriangleModel::read(coloured.as_bytes(), ModelFormat::Off).unwrap().triangles, [[0, 1, 2]]);
+    for broken in ["4OFF\n1 0 0\n0 0 0 1\n", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n", "OFF\n1 0 0\n0 nan 0\n"] {
+        assert!(TriangleModel::read(broken.as_bytes(), ModelFormat::Off).is_err(), "{broken}");
+    }
     let obj = "mtllib a.mtl\nv 0 0 0 1\nv 1 0 0\n\nv 1 1 0\nusemtl x\nf -3//1 -2 3\ng\nf 1/1/1 2/1/1 3/1/1\nvt 0 0\nvn 0 0 1\n";
     let model = TriangleModel::read(obj.as_bytes(), ModelFormat::Obj).unwrap();
     assert_eq!(model.triangles, [[0, 1, 2], [0, 1, 2]]);

@@ -167,7 +167,7 @@ impl SceneSink<'_, '_, '_> {
         });
         let windows = by_use(attributes, FacadeUse::of_use).unwrap_or_default();
         // Walls of glass need no windows.
-        let is_windowless = colours.wall.is_reflective || canopy.is_some();
+        let is_windowless = colours.wall.is_reflective || canopy.is_some() || object.kind == FeatureKind::Generic;
         let facade_use = if is_windowless { FacadeUse::Windowless } else { windows };
         let [roof_number, wall, floor] =
             [colours.roof, colours.wall, colours.floor].map(|colour| self.number_of(colour));

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use insula_source::object::{FeatureKind, Shape, SourceObject};
-use insula_source::problems::{MESH_UNIT, MESH_UP};
+use insula_source::problems::{GLTF_UP, MESH_UNIT, MESH_UP};
 use insula_source::report::SourceReport;
 
 /// What stands upright is at least this wide and high, and in its depth less than this share of both: a wall is no model.
@@ -16,9 +16,19 @@ const WIDEST_M: f64 = 20_000.0;
 const HIGHEST_M: f64 = 1000.0;
 const LEAST_SLOPE: f64 = 0.2;
 
+/// Fewer objects are no town. Those past the most are not compared.
+const TOWN_OBJECTS: std::ops::RangeInclusive<usize> = 3..=4096;
+/// The feet of the objects of a town differ by less, and their places by more times the usual size of an object.
+const SAME_FOOT_M: f64 = 1.0;
+const PLACES_RATIO: f64 = 5.0;
+
 /// What is known of the objects of a mesh.
 #[derive(Debug)]
 pub(super) struct MeshShape {
+    /// Whether the format tells the axis and the unit.
+    is_gltf: bool,
+    /// Lowest and highest corner of the first objects.
+    objects: Vec<[DVec3; 2]>,
     low: DVec3,
     high: DVec3,
     /// Area that faces along each axis, either way.
@@ -29,11 +39,17 @@ pub(super) struct MeshShape {
 
 impl Default for MeshShape {
     fn default() -> Self {
-        Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY, area: DVec3::ZERO, tower: None }
+        let (low, high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        Self { is_gltf: false, objects: Vec::new(), low, high, area: DVec3::ZERO, tower: None }
     }
 }
 
 impl MeshShape {
+    /// Of a glTF, which is turned upright before.
+    pub(super) fn of_gltf() -> Self {
+        Self { is_gltf: true, ..Self::default() }
+    }
+
     /// Takes note of an object, whose positions `turn` makes those of the city.
     pub(super) fn add(&mut self, object: &SourceObject, turn: impl Fn([f64; 3]) -> [f64; 3]) {
         let Shape::Surfaces { polygons, meshes } = &object.shape else { return };
@@ -49,6 +65,9 @@ impl MeshShape {
             }
         }
         let size = own.high - own.low;
+        if size.is_finite() && self.objects.len() < *TOWN_OBJECTS.end() {
+            self.objects.push([own.low, own.high]);
+        }
         let is_tower = size.z > HIGHEST_M && size.z > LEAST_SLOPE * size.x.max(size.y);
         if is_tower && object.kind != FeatureKind::Relief && self.tower.is_none() {
             self.tower = Some((size.z, object.id.clone()));
@@ -69,12 +88,42 @@ impl MeshShape {
         self.area += area.abs();
     }
 
+    /// Whether the objects stand side by side on the plane of x and z, as a town does whose y axis points up. `foot` is the lower end
+    /// of an object along that axis.
+    fn stands_on_y(&self, foot: impl Fn(&[DVec3; 2]) -> f64) -> bool {
+        if !TOWN_OBJECTS.contains(&self.objects.len()) {
+            return false;
+        }
+        let sorted = |value: &dyn Fn(&[DVec3; 2]) -> f64| {
+            let mut values: Vec<f64> = self.objects.iter().map(value).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        // Without those that are unlike the others.
+        let spread = |value: &dyn Fn(&[DVec3; 2]) -> f64| {
+            let (values, cut) = (sorted(value), self.objects.len() / 10);
+            values[values.len() - 1 - cut] - values[cut]
+        };
+        let size = self.high - self.low;
+        let height_m = sorted(&|[low, high]| high.z - low.z)[self.objects.len() / 2];
+        // Storeys of a tower are above each other, and stand at one place of the map.
+        let is_wide = size.x.min(size.z) > LEAST_SIDE_M.max(size.y) && spread(&|[low, _]| low.x) > SAME_FOOT_M;
+        is_wide && spread(&foot) < SAME_FOOT_M && spread(&|[low, _]| low.z) > PLACES_RATIO * height_m
+    }
+
     /// Names what is suspicious. `is_turned` if the user says that y points up.
     pub(super) fn note_in(&self, is_turned: bool, report: &mut SourceReport) {
+        if self.is_gltf {
+            if self.stands_on_y(|[_, high]| -high.y) {
+                let advice = "its objects stand side by side there; y points up in a glTF: export it so";
+                report.problem(GLTF_UP, || format!("{} objects: {advice}", self.objects.len()));
+            }
+            return;
+        }
         let DVec3 { x, y, z } = self.high - self.low;
         let narrower = x.min(z);
-        if !is_turned && narrower > LEAST_SIDE_M && y < FLAT_SHARE * narrower && self.area.y > AREA_RATIO * self.area.z
-        {
+        let is_flat = narrower > LEAST_SIDE_M && y < FLAT_SHARE * narrower && self.area.y > AREA_RATIO * self.area.z;
+        if !is_turned && (is_flat || self.stands_on_y(|[low, _]| low.y)) {
             report.problem(MESH_UP, || {
                 format!("{x:.0} m from west to east, {y:.0} m deep and {z:.0} m high; if y points up, give --obj-up y")
             });
@@ -98,14 +147,15 @@ mod tests {
     use insula_source::object::Surface;
     use insula_source::report::SourceFormat;
 
-    /// The kinds of problems of a box.
-    fn noted([x, y, z]: [f64; 3], is_turned: bool) -> Vec<String> {
-        let corner =
-            |number: usize| [0, 1, 2].map(|axis| if (number >> axis) & 1 == 1 { [x, y, z][axis] } else { 0.0 });
+    /// A box of a size, with its lowest corner at a place.
+    fn object([x, y, z]: [f64; 3], place: [f64; 3]) -> SourceObject {
+        let corner = |number: usize| {
+            [0, 1, 2].map(|axis| place[axis] + if (number >> axis) & 1 == 1 { [x, y, z][axis] } else { 0.0 })
+        };
         let faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
         let surface = |face: [usize; 4]| Surface { points: face.map(corner).to_vec(), ..Surface::default() };
         let shape = Shape::Surfaces { polygons: faces.map(surface).to_vec(), meshes: Vec::new() };
-        let object = SourceObject {
+        SourceObject {
             id: "a".to_owned(),
             parent: None,
             kind: FeatureKind::Building,
@@ -113,12 +163,39 @@ mod tests {
             lod: None,
             attributes: Attributes::default(),
             shape,
-        };
-        let mut mesh = MeshShape::default();
-        mesh.add(&object, |position| position);
+        }
+    }
+
+    /// The kinds of problems of objects.
+    fn problems(mut mesh: MeshShape, objects: &[SourceObject], is_turned: bool) -> Vec<String> {
+        objects.iter().for_each(|object| mesh.add(object, |position| position));
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 1);
         mesh.note_in(is_turned, &mut report);
         report.problems.into_keys().collect()
+    }
+
+    /// The kinds of problems of a box.
+    fn noted(size: [f64; 3], is_turned: bool) -> Vec<String> {
+        problems(MeshShape::default(), &[object(size, [0.0; 3])], is_turned)
+    }
+
+    #[test]
+    fn towns_that_lie_on_their_side_are_named() {
+        // Houses of 8 to 12 m on a grid.
+        let houses: Vec<[f64; 3]> =
+            (0..25).map(|i| [30.0 * f64::from(i % 5), 30.0 * f64::from(i / 5), 8.0 + f64::from(i % 5)]).collect();
+        let town = |of: &dyn Fn(&[f64; 3]) -> SourceObject| houses.iter().map(of).collect::<Vec<_>>();
+        let upright = town(&|[x, y, height]| object([12.0, 9.0, *height], [*x, *y, 0.0]));
+        let y_up = town(&|[x, z, height]| object([12.0, *height, 9.0], [*x, 0.0, -z]));
+        // A glTF with z up, as it is after its reader has turned it.
+        let turned = town(&|[x, z, height]| object([12.0, *height, 9.0], [*x, -height, *z]));
+        let tower: Vec<SourceObject> =
+            (0..40).map(|floor| object([60.0, 60.0, 0.3], [0.0, 0.0, 3.0 * f64::from(floor)])).collect();
+        let of_obj = |objects: &[SourceObject], is_turned| problems(MeshShape::default(), objects, is_turned);
+        assert_eq!((of_obj(&y_up, false), of_obj(&y_up, true)), (vec![MESH_UP.to_owned()], vec![]));
+        assert_eq!((of_obj(&upright, false), of_obj(&tower, false)), (vec![], vec![]));
+        assert_eq!(problems(MeshShape::of_gltf(), &turned, false), [GLTF_UP]);
+        assert_eq!(problems(MeshShape::of_gltf(), &upright, false), [""; 0]);
     }
 
     #[test]

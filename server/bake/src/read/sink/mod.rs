@@ -60,7 +60,7 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     is_place_sought: bool,
     /// Of a mesh without a place.
     unplaced_mesh: Option<UnplacedMesh>,
-    /// Of a mesh of a format that tells neither its unit nor which axis points up.
+    /// Of a mesh whose format tells neither its unit nor which axis points up, or whose writers often err in it.
     mesh_shape: Option<MeshShape>,
     /// Of buildings, where the user gives no unit.
     told_heights: ToldHeights,
@@ -91,7 +91,11 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let is_place_sought = !is_mesh;
         let is_unplaced = is_mesh && matches!(placement, Placement::Unknown);
         let unplaced_mesh = is_unplaced.then(UnplacedMesh::default);
-        let (mesh_shape, told_heights) = (is_plain.then(MeshShape::default), ToldHeights::default());
+        let mesh_shape = match format {
+            SourceFormat::Gltf => Some(MeshShape::of_gltf()),
+            _ => is_plain.then(MeshShape::default),
+        };
+        let told_heights = ToldHeights::default();
         Ok(Self {
             context,
             source,
@@ -337,11 +341,12 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
     }
 }
 
-/// Whether areas become volumes. The area of a bridge without a height is its deck, not a block of guessed height.
+/// Whether areas become volumes. The area of a bridge without a height is its deck, not a block of guessed height, and that of anything
+/// unknown is no block.
 fn is_extruded(object: &SourceObject, hints: HeightHints<'_>) -> bool {
     match object.kind {
         FeatureKind::Building | FeatureKind::BuildingPart => true,
-        FeatureKind::Bridge | FeatureKind::Tunnel => has_height(&object.attributes, hints),
+        FeatureKind::Bridge | FeatureKind::Tunnel | FeatureKind::Generic => has_height(&object.attributes, hints),
         _ => false,
     }
 }

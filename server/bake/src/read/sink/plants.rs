@@ -11,6 +11,7 @@ use insula_dress::palette::{BuildingLook, SurfaceFacts};
 use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, PointOnGround, SourceObject, Strip};
+use insula_source::problems::{TREE_HEIGHT, UNKNOWN_POINT};
 
 /// Sides of a crown seen from above, and of a trunk.
 const CROWN_SIDES: usize = 6;
@@ -119,11 +120,17 @@ impl SceneSink<'_, '_, '_> {
     pub(super) fn add_points(&mut self, object: &SourceObject, points: &[PointOnGround]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
+            if object.kind == FeatureKind::Generic {
+                self.report.problem(UNKNOWN_POINT, || object.id.clone());
+            }
             return Ok(());
         }
         let form = TreeForm::of(object);
-        let known_m = known_height_m(&object.attributes, self.height_hints())
-            .filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+        let told_m = known_height_m(&object.attributes, self.height_hints());
+        let known_m = told_m.filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+        if let (Some(told_m), None) = (told_m, known_m) {
+            self.report.problem(TREE_HEIGHT, || format!("{} is {told_m} m", object.id));
+        }
         let crown_m = measured_m(object, "diameter_crown").filter(|width_m| HEIGHT_RANGE_M.contains(width_m));
         let bark = self.plant_material(Some(BARK), 1.0);
         let tones = TONES.map(|tone| self.plant_material(None, tone * form.lightness()));

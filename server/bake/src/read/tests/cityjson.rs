@@ -408,6 +408,21 @@ fn feature_may_have_its_own_appearance() {
 }
 
 #[test]
+fn feature_may_have_its_own_transform() {
+    let feature = format!(
+        r#"{{"type": "CityJSONFeature", "transform": {{"scale": [2, 2, 2], "translate": [0, 0, 0]}},
+            "CityObjects": {{{}}}, "vertices": [{CUBE}]}}"#,
+        object("a", &solid("1"))
+    );
+    let read = |feature: &str| {
+        let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
+        volume(&read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap().0)
+    };
+    let plain = read(&feature.replace("[2, 2, 2]", "[1, 1, 1]"));
+    assert!((read(&feature) / plain - 8.0).abs() < 0.01);
+}
+
+#[test]
 fn degrees_without_a_system_are_taken_as_wgs84() {
     let corners = ["-122.5034,37.7294", "-122.5031,37.7294", "-122.5031,37.7296", "-122.5034,37.7296"];
     let at = |z: &str| corners.map(|corner| format!("[{corner},{z}]")).join(",");

@@ -5,7 +5,7 @@ use std::io::{self, BufRead, Chain, Cursor, Read};
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 
 use insula_source::error::InputError;
-use insula_source::text::DecodingReader;
+use insula_source::text::{DecodingReader, declared_encoding};
 
 /// The XML declaration is looked for in this many bytes.
 const DECLARATION_BYTES: u64 = 512;
@@ -86,21 +86,6 @@ impl BufRead for TextReader<'_> {
         self.inner.consume(count);
         self.event_bytes_left = self.event_bytes_left.saturating_sub(count as u64);
     }
-}
-
-/// The encoding that `<?xml ... encoding="..."?>` names.
-fn declared_encoding(head: &[u8]) -> Option<String> {
-    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
-    if !head.starts_with(b"<?xml") {
-        return None;
-    }
-    let end = head.iter().position(|byte| *byte == b'>')?;
-    let declaration = String::from_utf8_lossy(&head[..end]);
-    let (_, value) = declaration.split_once("encoding")?;
-    let value = value.trim_start().strip_prefix('=')?.trim_start();
-    let quote = value.chars().next().filter(|quote| matches!(quote, '"' | '\''))?;
-    let name = value.get(1..)?.split(quote).next()?;
-    Some(name.trim().to_owned())
 }
 
 #[cfg(test)]

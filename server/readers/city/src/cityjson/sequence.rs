@@ -143,6 +143,8 @@ fn read_feature(
         }
     }
     let appearance = own.as_ref().unwrap_or(shared.appearance);
+    // Some writers give a feature a transform of its own.
+    let shared = &SharedMembers { transform: document.transform.or(shared.transform), ..*shared };
     let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance };
     read_objects(shared, &batch, sink, &|_, _| {})
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use FeatureKind::{Bridge, Building, BuildingPart, LandUse, Rail, Road, Vegetation, Water};
+use FeatureKind::{Bridge, Building, BuildingPart, Generic, LandUse, Rail, Road, Vegetation, Water};
 
 use super::element::Tags;
 use insula_dress::footprint::{
@@ -49,10 +49,18 @@ pub(super) enum Outline {
 }
 
 pub(super) const NOT_CLOSED: &str = "ring is not closed";
+/// Reasons for leaving out what stands upright and has no plan.
+pub(super) const THIN_WALL: &str = "wall that is mapped as a line, not drawn";
+pub(super) const POINT_STRUCTURE: &str = "structure that is mapped as a point, not drawn";
 pub(crate) const NOT_BUILT: &str = "not built, or gone";
 
 /// Values of `building` of what does not stand.
 const GONE: &[&str] = &["proposed", "planned", "demolished", "razed", "destroyed", "removed", "collapsed"];
+
+/// Values of `man_made` and `barrier` that are drawn as blocks if they have a height.
+const STRUCTURES: &[&str] =
+    &["tower", "communications_tower", "water_tower", "storage_tank", "silo", "gasometer", "chimney", "obelisk"];
+const WALLS: &[&str] = &["wall", "city_wall", "retaining_wall"];
 
 /// Roads and paths on which `lanes` counts.
 const WITHOUT_LANES: &[&str] = &["footway", "cycleway", "bridleway", "path", "steps", "track", "via_ferrata"];
@@ -178,7 +186,29 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
     if outline != Outline::Multipolygon && tags.get("natural") == Some("tree_row") {
         return Verdict::Object(Class { kind: Vegetation, key: "natural", form: Form::TreeRow });
     }
-    area(tags, outline)
+    structure(tags, outline, has_surface).unwrap_or_else(|| area(tags, outline))
+}
+
+/// The class of what stands upright and is no building; `None` without a height, or if nothing tells it.
+fn structure(tags: Tags<'_>, outline: Outline, has_surface: bool) -> Option<Verdict> {
+    value(tags, "height")?;
+    let is_one_of = |key: &str, known: &[&str]| value(tags, key).is_some_and(|value| known.contains(&value));
+    let is_wall = is_one_of("barrier", WALLS);
+    if !is_wall && !is_one_of("man_made", STRUCTURES) {
+        return None;
+    }
+    let key = if is_wall { "barrier" } else { "man_made" };
+    Some(match reason_to_hide(tags, Generic) {
+        Some(reason) => Verdict::LeftOut(reason),
+        None if is_wall && !has_surface => Verdict::LeftOut(THIN_WALL),
+        None if outline == Outline::OpenWay => Verdict::LeftOut(NOT_CLOSED),
+        None => Verdict::Object(Class { kind: Generic, key, form: Form::Area }),
+    })
+}
+
+/// Whether a node is a structure that would be drawn if it had a plan.
+pub(super) fn is_point_structure(tags: Tags<'_>) -> bool {
+    matches!(structure(tags, Outline::Multipolygon, true), Some(Verdict::Object(_)))
 }
 
 /// The value of `natural` of a node that is a single plant; `None` if it is none.
@@ -299,6 +329,9 @@ mod tests {
             (&[("amenity", "shelter")], ClosedWay, Building),
             (&[("highway", "pedestrian")], Multipolygon, Road),
             (&[("man_made", "bridge"), ("layer", "1")], ClosedWay, Bridge),
+            (&[("man_made", "silo"), ("height", "20")], ClosedWay, Generic),
+            (&[("man_made", "silo"), ("building", "silo"), ("height", "20")], ClosedWay, Building),
+            (&[("barrier", "city_wall"), ("area", "yes"), ("height", "9")], ClosedWay, Generic),
         ] {
             assert_eq!(class(tags, outline), (kind, Form::Area), "{tags:?}");
         }
@@ -349,6 +382,8 @@ mod tests {
             assert_eq!(verdict(tags, Outline::ClosedWay), Verdict::LeftOut(reason), "{tags:?}");
         }
         assert_eq!(verdict(&[("building", "yes")], Outline::OpenWay), Verdict::LeftOut(NOT_CLOSED));
+        let wall = [("barrier", "wall"), ("height", "2")];
+        assert_eq!(verdict(&wall, Outline::ClosedWay), Verdict::LeftOut(THIN_WALL));
         assert_eq!(class(&[("highway", "service"), ("tunnel", "building_passage")], Outline::OpenWay).0, Road);
         assert_eq!(class(&[("highway", "primary"), ("layer", "-1")], Outline::OpenWay).0, Road);
     }

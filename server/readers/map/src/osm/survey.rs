@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::classes::{Verdict, classify, plant};
+use super::classes::{POINT_STRUCTURE, Verdict, classify, is_point_structure, plant};
 use super::coast;
 use super::collect::{Work, is_part, outline_of};
 use super::element::{Element, ElementFile, ElementId, Member, Pass, Position, Tags, degrees};
@@ -125,7 +125,7 @@ impl Survey {
     }
 }
 
-/// Adds a node that is a tree or a shrub.
+/// Adds a node that is a tree or a shrub, and counts one that is another structure.
 fn add_plant(
     input: &Input<'_>,
     id: i64,
@@ -133,7 +133,14 @@ fn add_plant(
     tags: Tags<'_>,
     sink: &mut dyn ObjectSink,
 ) -> Result<(), InputError> {
-    let Some(value) = plant(tags).filter(|_| is_in_bbox(input.bbox_deg, [&position])) else { return Ok(()) };
+    let (plant, is_structure) = (plant(tags), is_point_structure(tags));
+    if plant.is_none() && !is_structure || !is_in_bbox(input.bbox_deg, [&position]) {
+        return Ok(());
+    }
+    if is_structure {
+        sink.skip(POINT_STRUCTURE, format!("node/{id}"));
+    }
+    let Some(value) = plant else { return Ok(()) };
     sink.add(SourceObject {
         id: format!("node/{id}"),
         parent: None,

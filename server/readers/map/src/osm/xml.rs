@@ -18,6 +18,7 @@ use super::element::{
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
+use insula_source::text::in_declared_encoding;
 
 /// Longer tags of XML are refused. Values of OpenStreetMap have at most 255 characters.
 const MAX_EVENT_BYTES: u64 = 4 << 20;
@@ -50,7 +51,8 @@ impl ElementFile for XmlFile<'_> {
     ) -> Result<(), InputError> {
         let opened = self.input.open()?;
         let event_bytes = Rc::new(Cell::new(0));
-        let limited = EventLimit { inner: opened.reader, event_bytes: Rc::clone(&event_bytes) };
+        let inner = in_declared_encoding(self.input.label, opened.reader)?;
+        let limited = EventLimit { inner, event_bytes: Rc::clone(&event_bytes) };
         let mut reader = Reader::from_reader(limited);
         let (mut parser, mut buffer) = (Parser::new(&pass), Vec::new());
         loop {

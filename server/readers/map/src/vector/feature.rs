@@ -12,7 +12,7 @@ use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
-use insula_source::problems::{MISSING_GROUND, NO_CRS};
+use insula_source::problems::{MISSING_GROUND, NO_CRS, TREES_BY_COLUMN};
 
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
@@ -247,7 +247,7 @@ impl<'a> FeatureWriter<'a> {
         add_tags(&mut attributes);
         let told = told(&id, &attributes, &geometry, &self.layer, columns, self.hints());
         if let Ok(kind) = told {
-            self.note_guess(kind, &attributes, &geometry);
+            self.note_guess(kind, &attributes, &geometry, columns);
         }
         let facing = facing(&geometry);
         let feature = Feature { id, is_mixed: columns.is_mixed, told, attributes, geometry };
@@ -315,15 +315,22 @@ impl<'a> FeatureWriter<'a> {
         HeightHints { field: self.height_field, ..HeightHints::default() }
     }
 
-    /// Names a guess at the kind of an area, once for the layer.
-    fn note_guess(&mut self, kind: Option<FeatureKind>, attributes: &Attributes, geometry: &Geometry) {
-        let Some(problem) = guess(kind, attributes, geometry, &self.layer) else { return };
+    /// Names a guess at the kind of a feature, once for the layer.
+    fn note_guess(
+        &mut self,
+        kind: Option<FeatureKind>,
+        attributes: &Attributes,
+        geometry: &Geometry,
+        columns: Columns,
+    ) {
+        let Some(problem) = guess(kind, attributes, geometry, &self.layer, columns) else { return };
         if self.guesses.contains(&problem) {
             return;
         }
         self.guesses.push(problem);
         let by_name = self.layer.kind.map_or("generic", FeatureKind::name);
         let what_to_do = match kind {
+            _ if problem == TREES_BY_COLUMN => "taken as trees; if they are none, leave the file out".to_owned(),
             Some(_) => format!("taken as {by_name}; if they are buildings, give them heights or rename the layer"),
             None => format!("not taken as {by_name}; if they are no buildings, rename the attribute of heights"),
         };

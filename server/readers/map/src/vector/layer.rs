@@ -1,5 +1,6 @@
 //! A layer of features: its name and columns, and what they tell about them.
 
+use insula_dress::footprint::is_height;
 use insula_source::object::FeatureKind;
 
 /// Keys of OpenStreetMap that tell what a feature is. Other tables hardly have two of them.
@@ -111,6 +112,68 @@ const OVERTURE_BUILDING_COLUMNS: [&str; 8] = [
     "facade_color",
 ];
 
+/// Names of columns that only tables of trees have, in lower case without what separates words.
+const TREE_COLUMNS: [&str; 26] = [
+    "tree",
+    "baum",
+    "treeid",
+    "treeno",
+    "treenumber",
+    "treename",
+    "treetype",
+    "treespecies",
+    "treeheight",
+    "crowndiameter",
+    "crownwidth",
+    "spccommon",
+    "spclatin",
+    "baumart",
+    "baumid",
+    "baumnr",
+    "baumnummer",
+    "baumname",
+    "baumgattung",
+    "baumhoehe",
+    "baumhöhe",
+    "kronendurchmesser",
+    "stammumfang",
+    "stammdurchmesser",
+    "boomsoort",
+    "boomhoogte",
+];
+/// Names of columns that tables of trees have, and perhaps those of other plants or of animals.
+const SPECIES_COLUMNS: [&str; 9] =
+    ["species", "genus", "gattung", "essence", "espece", "espèce", "especie", "botanicalname", "soortnaam"];
+/// Those that mean trees beside a height, and anything else without one.
+const SORT_COLUMNS: [&str; 3] = ["art", "soort", "genre"];
+
+/// Whether the points of a table are trees, by its columns.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum TreeColumns {
+    #[default]
+    Missing,
+    /// Perhaps: they tell a species.
+    Species,
+    Certain,
+}
+
+impl TreeColumns {
+    /// By names in lower case.
+    fn of(names: &[String]) -> Self {
+        let is_one_of = |name: &String, known: &[&str]| {
+            known.iter().any(|known| name.chars().filter(|c| c.is_alphanumeric()).eq(known.chars()))
+        };
+        let has = |known: &[&str]| names.iter().any(|name| is_one_of(name, known));
+        if has(&TREE_COLUMNS) {
+            Self::Certain
+        } else if has(&SPECIES_COLUMNS) || has(&SORT_COLUMNS) && names.iter().any(|name| is_height(name)) {
+            Self::Species
+        } else {
+            Self::Missing
+        }
+    }
+}
+
 /// What the names of columns tell about features.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Columns {
@@ -118,16 +181,21 @@ pub(super) struct Columns {
     pub(super) is_mixed: bool,
     /// The columns are keys of OpenStreetMap.
     pub(super) is_of_osm: bool,
+    pub(super) trees: TreeColumns,
 }
 
 impl Columns {
     pub(super) fn new<'c>(names: impl Iterator<Item = &'c str>) -> Self {
-        let names: Vec<String> = names.map(str::to_ascii_lowercase).collect();
+        let names: Vec<String> = names.map(str::to_lowercase).collect();
         let has = |name: &&str| names.iter().any(|known| known == name);
         // With other keys, those of buildings are in the same table.
-        let is_of_osm = has(&"building") && OSM_KEYS.iter().filter(|key| has(key)).count() > 1;
+        let is_of_keys = OSM_KEYS.iter().filter(|key| has(key)).count() > 1;
+        let is_of_osm = has(&"building") && is_of_keys;
         let is_of_overture = OVERTURE_COLUMNS.iter().all(has);
-        Self { is_mixed: is_of_osm || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(has), is_of_osm }
+        let is_mixed = is_of_osm || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(has);
+        // A table of all points has a column of species for some of them.
+        let trees = if is_of_keys { TreeColumns::Missing } else { TreeColumns::of(&names) };
+        Self { is_mixed, is_of_osm, trees }
     }
 }
 
@@ -189,6 +257,22 @@ mod tests {
         assert_eq!((parts.name.as_str(), parts.kind), ("building_part", Some(FeatureKind::BuildingPart)));
         let file = Layer::of_file("a/Roads.2024.shp.gz", [].into_iter());
         assert_eq!((file.name.as_str(), file.kind), ("Roads", Some(FeatureKind::Road)));
+    }
+
+    #[test]
+    fn columns_tell_trees() {
+        use TreeColumns::{Certain, Missing, Species};
+        for (names, expected) in [
+            (&["Tree_ID", "species"][..], Certain),
+            (&["nr", "Baumhöhe"], Certain),
+            (&["id", "GENUS"], Species),
+            (&["Art", "Höhe"], Species),
+            (&["Art", "Name"], Missing),
+            (&["amenity", "natural", "species"], Missing),
+            (&["street", "height"], Missing),
+        ] {
+            assert_eq!(Columns::new(names.iter().copied()).trees, expected, "{names:?}");
+        }
     }
 
     #[test]

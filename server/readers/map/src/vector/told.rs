@@ -1,12 +1,12 @@
 //! What a feature is, by its attributes and its layer.
 
 use super::geometry::Geometry;
-use super::layer::{Columns, Layer, OSM_KEYS};
+use super::layer::{Columns, Layer, OSM_KEYS, TreeColumns};
 use crate::osm::{NOT_BUILT, kind_by_tags};
 use insula_dress::footprint::{HeightHints, has_height, kind_of, known_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
-use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, TREES_BY_COLUMN};
 
 /// Why a feature of OpenStreetMap is left out that is in none of the kinds of a city, as in its own files.
 pub(super) const NO_OBJECT: &str = "no object of a city by its tags";
@@ -28,7 +28,8 @@ pub(super) fn told(
     if !is_area && geometry.lines.is_empty() {
         // Points in the file of a park need be no trees.
         let by_layer = layer.kind.filter(|kind| *kind != FeatureKind::Vegetation || layer.is_of_trees);
-        return Ok(plain.or(by_layer));
+        let by_columns = (columns.trees != TreeColumns::Missing).then_some(FeatureKind::Vegetation);
+        return Ok(plain.or(by_layer).or(by_columns));
     }
     let by_tags = kind_by_tags(attributes, is_area);
     if by_tags == Some(Err(NOT_BUILT)) {
@@ -63,17 +64,20 @@ pub(super) fn told(
     }
 }
 
-/// The problem of a kind that rests on the name of the layer alone, or goes against it.
+/// The problem of a kind that rests on the name of the layer or of a column alone, or goes against it.
 pub(super) fn guess(
     kind: Option<FeatureKind>,
     attributes: &Attributes,
     geometry: &Geometry,
     layer: &Layer,
+    columns: Columns,
 ) -> Option<&'static str> {
-    let by_layer = layer.kind.filter(|kind| !matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart))?;
     if geometry.polygons.is_empty() && geometry.meshes.is_empty() {
-        return None;
+        let is_by_columns = kind == Some(FeatureKind::Vegetation) && geometry.lines.is_empty() && !layer.is_of_trees;
+        let is_guess = is_by_columns && columns.trees == TreeColumns::Species && kind_of(attributes).is_none();
+        return is_guess.then_some(TREES_BY_COLUMN);
     }
+    let by_layer = layer.kind.filter(|kind| !matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart))?;
     match kind {
         None => Some(KIND_AGAINST_NAME),
         Some(kind) if kind != by_layer || kind_of(attributes) == Some(kind) => None,

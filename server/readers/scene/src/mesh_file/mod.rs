@@ -7,7 +7,8 @@ mod ply_faces;
 mod tests;
 mod weld;
 
-use insula_simplify::model::{ModelError, ModelFormat, TriangleModel, stl};
+use insula_dress::polygon::is_fan;
+use insula_simplify::model::{ModelError, off, stl};
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;
@@ -59,10 +60,18 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
 
 /// Reads an OFF file. Fails if it is none, or is damaged.
 fn read_off(label: &str, bytes: &[u8]) -> Result<FileMesh, InputError> {
-    let model = TriangleModel::read(bytes, ModelFormat::Off).map_err(|error| damaged(label, &error))?;
-    let TriangleModel { positions, triangles, .. } = model;
+    let (mut triangles, mut polygons) = (Vec::new(), Vec::new());
+    let add = |positions: &[[f64; 3]], corners: &[u32]| {
+        let points: Vec<[f64; 3]> = corners.iter().map(|corner| positions[*corner as usize]).collect();
+        if is_fan(&points) {
+            triangles.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
+        } else {
+            polygons.push(Surface { points, ..Surface::default() });
+        }
+    };
+    let positions = off::each_face(bytes, add).map_err(|error| damaged(label, &error))?;
     let meshes = vec![TriangleMesh { positions, triangles, ..TriangleMesh::default() }];
-    Ok(FileMesh { source_type: "OFF mesh", meshes, ..FileMesh::default() })
+    Ok(FileMesh { source_type: "OFF mesh", polygons, meshes })
 }
 
 /// Reads an STL. Fails if it is damaged.

@@ -1,6 +1,6 @@
 //! PLY: vertices with colours and texture coordinates, and faces.
 
-use super::ply_colour::colour_of;
+use super::ply_colour::{bytes_of, colour_of};
 use super::ply_faces::{FaceBuilder, FaceLayout, Vertices};
 use super::{FileMesh, damaged};
 use insula_simplify::model::ply_header::{PlyElement, PlyHeader};
@@ -70,15 +70,20 @@ fn read_vertices(label: &str, element: &PlyElement, values: &mut PlyValues<'_>) 
     let xyz = xyz.ok_or_else(|| InputError::damaged(label, "header", "the vertices have no x, y and z"))?;
     let uv = UV_NAMES.iter().find_map(|names| element.places(*names));
     let colour = colour_of(element);
-    let mut vertices = Vertices::default();
+    let (mut vertices, mut floats) = (Vertices::default(), Vec::new());
     read_rows(label, element, values, |row| {
         vertices.positions.push(xyz.map(|place| row.single(place)));
         if let Some(uv) = uv {
             vertices.uv.push(uv.map(|place| row.single(place) as f32));
         }
-        if let Some(colour) = &colour {
-            vertices.colours.push(colour.of(row));
+        match &colour {
+            Some(colour) if colour.is_float => floats.push(colour.numbers(row)),
+            Some(colour) => vertices.colours.push(colour.of(row)),
+            None => {}
         }
     })?;
+    if !floats.is_empty() {
+        vertices.colours = bytes_of(&floats);
+    }
     Ok(vertices)
 }

@@ -144,6 +144,27 @@ fn ply_faces_have_textures_and_polygons() {
 }
 
 #[test]
+fn concave_off_faces_stay_polygons() {
+    let vertices = "0 0 0\n4 0 0\n1 1 0\n0 4 0\n";
+    let off = format!("COFF\n4 2 0\n{}4 1 2 3 0 255 0 0\n4 0 1 2 3\n", vertices.replace('\n', " 9 9 9 255\n"));
+    let sink = read_bytes("a.off", off.as_bytes()).unwrap();
+    let (polygons, meshes) = geometry(&sink);
+    assert_eq!((polygons.len(), polygons[0].points.len()), (1, 4), "the corner that points inwards is not the first");
+    assert_eq!(meshes[0].triangles.len(), 2);
+}
+
+#[test]
+fn floats_beyond_one_are_bytes() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float red\n\
+        property float green\nproperty float blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    for (colour, expected) in [("60 70 1", [60, 70, 1]), ("0.2 1 0", [51, 255, 0])] {
+        let ply = format!("{header}0 0 0 {colour}\n1 0 0 {colour}\n0 1 0 {colour}\n3 0 1 2\n");
+        let sink = read_bytes("a.ply", ply.as_bytes()).unwrap();
+        assert_eq!(geometry(&sink).1[0].colours, [expected; 3]);
+    }
+}
+
+#[test]
 fn concave_ply_polygons_stay_polygons() {
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
         property list uchar int vertex_indices\nend_header\n2 0 0\n1 0.5 0\n0 0 0\n1 2 0\n4 0 1 2 3\n";

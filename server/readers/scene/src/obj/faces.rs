@@ -28,7 +28,9 @@ pub(super) fn shape_of(
             sink.problem("textured face without texture coordinates", format!("line {line}"));
         }
         let points: Vec<[f64; 3]> = corners.iter().map(|corner| file.positions[corner[0] as usize]).collect();
-        if faces.len() <= MAX_POLYGONS || !is_fan(&points) {
+        // Polygons have no colours at their corners.
+        let is_coloured = !file.colours.is_empty() && uv.is_none();
+        if faces.len() <= MAX_POLYGONS && !is_coloured || !is_fan(&points) {
             let uv = uv.unwrap_or_default();
             polygons.push(Surface { points, uv, material: number, line, ..Surface::default() });
         } else if !meshes.add(file, corners, number, uv.is_some()) {
@@ -64,6 +66,8 @@ impl Meshes {
                 mesh.positions.push(file.positions[position as usize]);
                 if has_uv {
                     mesh.uv.push(file.uvs[uv as usize]);
+                } else {
+                    mesh.colours.extend(file.colours.get(position as usize));
                 }
             }
             vertex
@@ -85,6 +89,17 @@ mod tests {
     use super::super::parse::parse;
     use super::*;
     use insula_source::testing::TestSink;
+
+    #[test]
+    fn coloured_faces_are_meshes() {
+        let text = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3 4\n";
+        let file = parse("a.obj", &mut text.as_bytes(), 1 << 30, &mut TestSink::default(), &|| 0).unwrap();
+        let faces: Vec<&ObjFace> = file.faces.iter().collect();
+        let shape = shape_of(&file, &faces, &[FaceMaterial::default()], &mut TestSink::default());
+        let Shape::Surfaces { polygons, meshes } = shape else { panic!("{shape:?}") };
+        assert!(polygons.is_empty());
+        assert_eq!((meshes[0].triangles.len(), meshes[0].colours[3]), (2, [0, 255, 0]));
+    }
 
     #[test]
     fn scans_are_meshes_with_shared_vertices() {

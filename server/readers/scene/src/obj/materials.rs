@@ -7,6 +7,7 @@ use super::mtl::{self, MtlMaterial};
 use super::parse::{ObjFace, ObjFile};
 use insula_source::input::Input;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, unit_to_byte};
+use insula_source::problems::LIBRARY_MISSING;
 use insula_source::source::read_sibling;
 
 /// Larger material libraries are not read.
@@ -79,12 +80,12 @@ fn read_libraries(input: &Input<'_>, file: &ObjFile, sink: &mut dyn ObjectSink) 
         };
         let names: Vec<&str> = argument.split_ascii_whitespace().filter(|name| name.len() < argument.len()).collect();
         if names.is_empty() {
-            sink.problem("material library missing", format!("{argument}: {error}"));
+            sink.problem(LIBRARY_MISSING, format!("{argument}: {error}"));
         }
         for name in names {
             match read(name) {
                 Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
-                Err(error) => sink.problem("material library missing", format!("{name}: {error}")),
+                Err(error) => sink.problem(LIBRARY_MISSING, format!("{name}: {error}")),
             }
         }
     }

@@ -57,15 +57,15 @@ pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
         let line = line.trim();
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
-        match (word, &mut current) {
+        match (word.to_ascii_lowercase().as_str(), &mut current) {
             ("newmtl", _) => {
                 insert_first(current.take(), materials);
                 current = Some((rest.to_owned(), MtlMaterial::default()));
             }
-            ("Kd", Some((_, material))) => material.diffuse = parse_colour(rest),
-            ("map_Kd", Some((_, material))) => material.texture = parse_texture(rest),
+            ("kd", Some((_, material))) => material.diffuse = parse_colour(rest),
+            ("map_kd", Some((_, material))) => material.texture = parse_texture(rest),
             ("d", Some((_, material))) => material.dissolve = rest.parse().ok(),
-            ("Ni", Some((_, material))) => material.refraction = rest.parse().ok(),
+            ("ni", Some((_, material))) => material.refraction = rest.parse().ok(),
             ("illum", Some((_, material))) => material.model = rest.parse().ok(),
             _ => {}
         }
@@ -123,6 +123,8 @@ mod tests {
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
         assert_eq!(materials["d"], MtlMaterial { texture: Some("wall.jpg".to_owned()), ..MtlMaterial::default() });
         assert_eq!(materials.len(), 3);
+        parse("NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
+        assert_eq!((materials["e"].diffuse, materials["e"].texture.as_deref()), (Some([1.0, 0.0, 0.0]), Some("e.png")));
     }
 
     #[test]

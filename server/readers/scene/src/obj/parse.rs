@@ -40,6 +40,8 @@ pub(super) struct ObjFace {
 pub(super) struct ObjFile {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
+    /// 8-bit sRGB of each position, if all have a colour and not all are white; else empty.
+    pub(super) colours: Vec<[u8; 3]>,
     /// Index of the position and of the texture coordinate, each from 0 or [`NONE`]. They may be out of range.
     corners: Vec<[u32; 2]>,
     pub(super) faces: Vec<ObjFace>,
@@ -94,7 +96,7 @@ pub(super) fn parse(
         parser.statement(&String::from_utf8_lossy(&joined));
         joined.clear();
         if status == NextLine::EndOfFile {
-            return Ok(parser.file);
+            return Ok(parser.finish());
         }
         if parser.line.is_multiple_of(TICK_LINES) {
             parser.sink.tick(bytes_read());
@@ -104,6 +106,8 @@ pub(super) fn parse(
 
 struct ObjParser<'r> {
     file: ObjFile,
+    /// Colours of the first vertices, as they are written.
+    colours: Vec<[f32; 3]>,
     sink: &'r mut dyn ObjectSink,
     /// Number of the current line, from 1.
     line: u64,
@@ -119,6 +123,7 @@ impl<'r> ObjParser<'r> {
         let unnamed = || HashMap::from([(String::new(), 0)]);
         Self {
             file: ObjFile { materials: vec![String::new()], names: vec![String::new()], ..ObjFile::default() },
+            colours: Vec::new(),
             sink,
             line: 0,
             material: 0,
@@ -140,6 +145,9 @@ impl<'r> ObjParser<'r> {
                 if [x, y, z].iter().any(|c| c.is_nan()) {
                     let detail = format!("line {}: {}", self.line, shorten(line));
                     self.sink.problem("vertex without three numbers", detail);
+                }
+                if self.colours.len() == file.positions.len() {
+                    self.colours.extend(colour(rest));
                 }
                 file.positions.push([x, y, z]);
             }
@@ -164,6 +172,18 @@ impl<'r> ObjParser<'r> {
             word if word.starts_with('#') && file.positions.is_empty() => self.comment(line),
             _ => {}
         }
+    }
+
+    /// The file with the colours of its vertices.
+    fn finish(mut self) -> ObjFile {
+        // Some programs write bytes. Light beyond white is hardly twice as bright.
+        let scale = if self.colours.as_flattened().iter().any(|number| *number > 2.0) { 1.0 } else { 255.0 };
+        let to_byte = |number: f32| (number * scale).round() as u8;
+        let colours: Vec<[u8; 3]> = self.colours.iter().map(|rgb| rgb.map(to_byte)).collect();
+        if colours.len() == self.file.positions.len() && colours.iter().any(|rgb| *rgb != [255; 3]) {
+            self.file.colours = colours;
+        }
+        self.file
     }
 
     /// Names a unit that a comment tells, as `# File units = inches` of SketchUp does. It is not applied: place files may scale the mesh.
@@ -214,6 +234,12 @@ fn numbers(text: &str) -> [f64; 3] {
     std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN))
 }
 
+/// The colour behind the coordinates of a vertex.
+fn colour(text: &str) -> Option<[f32; 3]> {
+    let mut numbers = text.split_ascii_whitespace().skip(3).map(|word| word.parse::<f32>().ok());
+    Some([numbers.next()??, numbers.next()??, numbers.next()??])
+}
+
 /// Parses an index from 1, or from -1 for the last of `count` entries; [`NONE`] if it is invalid.
 fn parse_index(word: &str, count: usize) -> u32 {
     let Ok(number) = word.parse::<i64>() else { return NONE };
@@ -255,6 +281,16 @@ mod tests {
         assert_eq!(file.corners[6..], [[0, NONE], [NONE, NONE], [NONE, NONE]]);
         assert_eq!(file.faces.len(), 3);
         assert!(problems.is_empty());
+    }
+
+    #[test]
+    fn vertices_may_have_colours() {
+        let colours = |text: &str| parsed(text).0.colours;
+        assert_eq!(colours("v 0 0 0 1 0 0.2\nv 1 0 0 0 0 0"), [[255, 0, 51], [0, 0, 0]]);
+        assert_eq!(colours("v 0 0 0 255 0 51"), [[255, 0, 51]]);
+        for text in ["v 0 0 0 1 1 1", "v 0 0 0 1 0 0\nv 0 0 0", "v 0 0 0 1"] {
+            assert!(colours(text).is_empty(), "{text}");
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::tileset::{ContentJson, TileJson};
 use super::uri;
 use super::volume::Volume;
 use insula_source::error::InputError;
+use insula_source::problems::SUBTREE_UNREADABLE;
 
 /// Deeper levels are left out: at the equator, the tiles of this one are a centimetre wide.
 const MAX_LEVELS: u32 = 32;
@@ -96,7 +97,7 @@ impl TileReader<'_, '_> {
             }
             Ok(_) => Ok(false),
             Err(what) => {
-                self.sink.skip("subtree cannot be read", format!("{}: {uri}: {what}", root.tileset.name));
+                self.sink.skip(SUBTREE_UNREADABLE, format!("{}: {uri}: {what}", root.tileset.name));
                 Ok(false)
             }
         }

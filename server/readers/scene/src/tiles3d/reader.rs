@@ -16,6 +16,7 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::json::attributes::flatten;
 use insula_source::object::ObjectSink;
+use insula_source::problems::{TILE_NOT_FETCHED, TILE_NOT_READ, TILE_UNREADABLE};
 
 /// Tilesets with more tiles are refused.
 const MAX_TILES: u64 = 1 << 25;
@@ -233,7 +234,7 @@ impl<'a, 's> TileReader<'a, 's> {
             match uri::resolve(uri::folder_of(tileset.name), uri, self.files.is_remote) {
                 Ok(name) => tile.name = name,
                 Err(reason) => {
-                    self.sink.skip("tile is not fetched", format!("{}: {uri}: {reason}", tileset.name));
+                    self.sink.skip(TILE_NOT_FETCHED, format!("{}: {uri}: {reason}", tileset.name));
                     return Ok(false);
                 }
             }
@@ -285,9 +286,9 @@ impl<'a, 's> TileReader<'a, 's> {
             end => return Err(end),
         };
         let (reason, detail) = match error {
-            InputError::Unsupported { what, .. } => ("tile has a format that is not read", what),
-            InputError::Damaged { what, .. } => ("tile cannot be read", what),
-            error => ("tile cannot be read", error.to_string()),
+            InputError::Unsupported { what, .. } => (TILE_NOT_READ, what),
+            InputError::Damaged { what, .. } => (TILE_UNREADABLE, what),
+            error => (TILE_UNREADABLE, error.to_string()),
         };
         self.sink.skip(reason, format!("{name}: {detail}"));
         self.faults += 1;

@@ -39,6 +39,8 @@ fn trees_stand_at_their_own_height() {
     let (scene, _) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 9}"#, tree)));
     let [low, high] = heights_m(&scene);
     assert!((low - 512.3).abs() < 1e-3 && (high - 521.3).abs() < 0.1, "{low} to {high}");
+    let (_, report) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 1200}"#, tree)));
+    assert_eq!(report.sources[0].problems["height of a tree out of range, taken as unknown"].first, ["t is 1200 m"]);
 }
 
 #[test]
@@ -106,7 +108,10 @@ fn single_features_and_geometries_are_documents() {
     }
     let point = r#"{"type": "Feature", "geometry": {"type": "Point", "coordinates": [125.6, 10.1]}, "properties": {}}"#;
     let error = try_read(&[("a.json", point.as_bytes())]).unwrap_err();
-    assert!(matches!(error, InputError::Empty { .. }), "{error}");
+    assert!(
+        matches!(error, InputError::Empty { .. }) && error.to_string().contains("point of unknown kind"),
+        "{error}"
+    );
     let options = ReadOptions { max_line_bytes: 1 << 10, ..ReadOptions::default() };
     let long = feature("s", &format!(r#"{{"a": "{}"}}"#, "x".repeat(900)), &polygon(&["[[0,0],[1,0]]"; 40].join(",")));
     let error = read_embedded(&[("a.geojson", long.as_bytes())], &options, &|_| {}).unwrap_err();

@@ -208,8 +208,32 @@ fn degrees_become_metres_in_the_zone_of_the_first_position() {
     let metres = collection(&square_feature("a")).replace("6677", "32654");
     let error = try_read(&[("a.geojson", metres.as_bytes()), ("b.geojson", text.as_bytes())]).unwrap_err();
     assert!(matches!(error, InputError::NothingLeft { .. }), "{error}");
-    let late = text.replace(r#""type": "FeatureCollection""#, r#""crs": null, "type": "FeatureCollection""#);
-    let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
+}
+
+#[test]
+fn degrees_that_are_declared_as_metres_are_named() {
+    let ring = "[[4.36,52.01],[4.3602,52.01],[4.3602,52.0101],[4.36,52.0101],[4.36,52.01]]";
+    let text = collection(&feature("a", TEN, &polygon(ring)));
+    let error = try_read(&[("a.geojson", text.as_bytes())]).unwrap_err().to_string();
+    assert!(error.contains("degrees that are declared as metres"), "{error}");
+}
+
+#[test]
+fn a_system_behind_the_features_is_theirs() {
+    let member = r#""crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::6677"}}"#;
+    let own = feature("a", r#"{"height": 10, "crs": {"properties": {"name": "EPSG:4326"}}}"#, &polygon(SQUARE));
+    let document = |end: &str| format!(r#"{{"type": "FeatureCollection", "features": [{own}]{end}}}"#);
+    let late = document(&format!(", {member}, \"bbox\": [0, 1]"));
+    let packed = insula_source::testing::gzip(late.as_bytes());
+    for (name, bytes) in [("a.geojson", late.as_bytes()), ("a.geojson.gz", &packed[..])] {
+        let (scene, report) = try_read(&[(name, bytes)]).unwrap();
+        assert_eq!((scene.objects.len(), report.crs.as_deref()), (1, Some("EPSG:6677")), "{name}");
+    }
+    let degrees = document(r#", "crs": null"#).replace(SQUARE, &SQUARE.replace("10", "0.0001"));
+    assert_eq!(read(&degrees).1.sources[0].crs.as_deref(), Some("OGC:CRS84"));
+    // Too far from the end to be found before.
+    let far = document(&format!(r#", {member}, "note": "{}""#, "x".repeat(1 << 15)));
+    let error = try_read(&[("a.geojson", far.as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("comes after its features"), "{error}");
 }
 
@@ -231,7 +255,7 @@ fn features_are_read_line_by_line() {
     let (a, b) = (square_feature("a"), square_feature("b").replace("[10,0]", "[10,NaN]"));
     let degrees = |text: &str| text.replace("10]", "0.0001]").replace("[10", "[0.0001");
     let text = format!("\u{1e}{}\n\n{{\n\u{1e}{}\r\n[]\n{}", degrees(&a), degrees(&b), degrees(&a));
-    for name in ["a.geojsonl", "a.geojsons"] {
+    for name in ["a.geojsonl", "a.geojsons", "a.geojsonseq", "a.geojson", "a.json", "a.ndjson", "a.jsonl", "a.csv"] {
         let (scene, report) = try_read(&[(name, text.as_bytes())]).unwrap();
         assert_eq!((scene.objects.len(), scene.crs.as_deref()), (2, Some("EPSG:32631")));
         let skipped = &report.sources[0].skipped;

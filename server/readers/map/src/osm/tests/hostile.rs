@@ -1,6 +1,7 @@
 //! Files that are damaged, or made to do harm.
 
 use super::map::{Map, blob, bytes, deltas, gzip, number, packed, pbf_file, read_bytes, zigzag, zlib_blob};
+use crate::osm::classes::POINT_STRUCTURE;
 use crate::osm::relations::TOO_SHARED;
 use insula_source::error::InputError;
 
@@ -165,6 +166,27 @@ fn files_of_other_kinds_are_refused_with_a_reason() {
         let message = read_bytes(name, &file).1.unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
+}
+
+#[test]
+fn texts_are_in_the_encoding_that_xml_declares() {
+    let mut map = Map::default();
+    map.rectangle(1, [0, 0, 1000, 1000], &[("building", "yes"), ("name", "Gro~haus")]);
+    let xml = map.xml().replace("'UTF-8'", "'ISO-8859-1'");
+    let latin: Vec<u8> = xml.bytes().map(|byte| if byte == b'~' { 0xdf } else { byte }).collect();
+    let (sink, read) = read_bytes("a.osm", &latin);
+    read.unwrap();
+    assert_eq!(sink.objects[0].attributes.get("name").map(ToString::to_string).as_deref(), Some("Großhaus"));
+    let unknown = xml.replace("ISO-8859-1", "klingon");
+    assert!(read_bytes("a.osm", unknown.as_bytes()).1.unwrap_err().to_string().contains("klingon"));
+}
+
+#[test]
+fn structures_without_a_plan_are_counted() {
+    let tower = "<osm><node id='7' lat='1' lon='1'><tag k='man_made' v='tower'/><tag k='height' v='30'/></node></osm>";
+    let (sink, read) = read_bytes("a.osm", tower.as_bytes());
+    read.unwrap();
+    assert_eq!(sink.skipped, [(POINT_STRUCTURE, "node/7".to_owned())]);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Lines of values, one of which is a geometry as WKT, or as hexadecimal WKB, or two the coordinates of a point.
+//! Lines of values, one of which is a geometry as WKT, as hexadecimal WKB or as GeoJSON, or two the coordinates of a point.
 
 mod place;
 
@@ -8,7 +8,7 @@ use std::io::{BufRead, Read};
 use super::feature::{DEGREES, FeatureWriter};
 use super::geometry::Geometry;
 use super::layer::Layer;
-use super::{local, wkb, wkt};
+use super::{geojson, local, wkb, wkt};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
@@ -45,11 +45,15 @@ struct Columns {
     delimiter: u8,
 }
 
-/// Reads a source. Fails if no column has geometries, or if it is in a system that cannot be placed.
+/// Reads a source, also one of GeoJSON in lines. Fails if no column has geometries, or if it is in a system that cannot be placed.
 pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     let OpenInput { mut reader, bytes_read } = input.open()?;
     let mut head = Vec::new();
     reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(|cause| InputError::io(input.label, cause))?;
+    // Large sets of footprints are so named.
+    if geojson::is_of_lines(&head) {
+        return geojson::read(input, sink);
+    }
     let delimiter = match told_delimiter(&head) {
         Some((delimiter, line_bytes)) => {
             head.drain(..line_bytes);
@@ -67,7 +71,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let Some((columns, has_names)) = columns_of(&first, &second, delimiter) else {
         return Err(InputError::unsupported(
             input.label,
-            "lines of values without a column of WKT geometries, and without columns lon and lat, or x and y",
+            "lines of values without a column of geometries as WKT or GeoJSON, and without columns lon and lat, or x and y",
         ));
     };
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
@@ -145,7 +149,7 @@ fn delimiter_of(head: &[u8]) -> u8 {
 fn columns_of(first: &ByteRecord, second: &ByteRecord, delimiter: u8) -> Option<(Columns, bool)> {
     let is_geometry = |field: &[u8]| {
         let text = text_of(field);
-        wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some()
+        wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some() || geojson::looks_like_geometry(&text)
     };
     if let Some(geometry) = first.iter().position(is_geometry) {
         let names = (1..=first.len()).map(|number| format!("column {number}")).collect();
@@ -207,6 +211,10 @@ fn geometry_of(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, &'sta
     match wkb::bytes_of_hex(text) {
         _ if text.trim().is_empty() => Err(NO_GEOMETRY),
         Some(bytes) => wkb::parse(&bytes, geometry),
+        None if geojson::looks_like_geometry(text) => {
+            *geometry = geojson::parse_geometry(text)?;
+            Ok(None)
+        }
         None => wkt::parse(text, geometry),
     }
 }

@@ -112,15 +112,26 @@ impl<'a> FeatureReader<'a> {
         }
     }
 
-    /// Applies the document's `crs` member. Fails if it comes after a feature or has no name.
+    /// Applies the document's `crs` member. Fails if it has no name, or comes after a feature that was read in another system.
     pub(super) fn set_crs(&mut self, crs: &Value) -> Result<(), InputError> {
-        if self.count > 0 {
-            let what = "its \"crs\" comes after its features; move it to the front";
-            return Err(InputError::unsupported(self.label, what));
-        }
         let named = name_of(crs).map_err(|what| InputError::unsupported(self.label, what))?;
-        self.system = named.map(GeometrySystem::Named);
-        Ok(())
+        if self.count == 0 {
+            self.system = named.map(GeometrySystem::Named);
+            return Ok(());
+        }
+        match (named, &self.system) {
+            (None, _) => Ok(()),
+            (Some(name), Some(GeometrySystem::Named(known))) if name == *known => Ok(()),
+            _ => {
+                let what = "its \"crs\" comes after its features; move it to the front";
+                Err(InputError::unsupported(self.label, what))
+            }
+        }
+    }
+
+    /// Whether a `crs` member came before the features.
+    pub(super) fn has_crs(&self) -> bool {
+        self.system.is_some()
     }
 
     /// Applies the document's `coordRefSys` member of JSON-FG.
@@ -227,6 +238,19 @@ impl<'a> FeatureReader<'a> {
     }
 }
 
+/// Whether a text begins with a record of a sequence, or with a feature on a line of its own and another record behind it. Many
+/// programs name such files as they name documents.
+pub(in crate::vector) fn is_of_lines(head: &[u8]) -> bool {
+    let head = head.trim_ascii_start();
+    if head.first() == Some(&RECORD_SEPARATOR) {
+        return true;
+    }
+    let Some(end) = head.iter().position(|byte| *byte == b'\n') else { return false };
+    let (line, rest) = head.split_at(end);
+    rest.trim_ascii_start().starts_with(b"{")
+        && lenient::parse::<GeoJsonFeature>(line, &mut Vec::new()).is_ok_and(|feature| feature.kind == "Feature")
+}
+
 /// Whether a feature is certainly a building.
 fn is_building(attributes: &Attributes) -> bool {
     match kind_of(attributes) {
@@ -280,6 +304,19 @@ mod tests {
         assert_eq!(named(&name("EPSG:28992")), Ok(Some("EPSG:28992".to_owned())));
         assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#), Ok(Some("EPSG:6677".to_owned())));
         assert!(named("{}").is_err() && named("7").is_err());
+    }
+
+    #[test]
+    fn lines_are_told_by_the_first() {
+        let feature = r#"{"properties": {"h": NaN}, "geometry": null, "type": "Feature"}"#;
+        for text in [format!("{feature}\r\n\n{feature}"), "\n\u{1e}{".to_owned(), format!("{feature}\n{{")] {
+            assert!(is_of_lines(text.as_bytes()), "{text}");
+        }
+        let collection = r#"{"type": "FeatureCollection", "features": []}"#;
+        for text in [feature.to_owned(), format!("{feature}\n"), format!("{collection}\n{feature}"), "{\n{".to_owned()]
+        {
+            assert!(!is_of_lines(text.as_bytes()), "{text}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::schema::GeoJsonGeometry;
-use crate::vector::geometry::{Geometry, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
 use crate::vector::orient::ring_area_vector;
 use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
@@ -12,6 +12,17 @@ use insula_source::json::position::JsonPosition;
 /// Types whose documents are read as one feature without properties.
 pub(super) const GEOMETRY_TYPES: [&str; 7] =
     ["Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection"];
+
+/// Whether a text is a geometry, as some portals have it in a column of a table.
+pub(in crate::vector) fn looks_like_geometry(text: &str) -> bool {
+    text.trim_start().starts_with('{') && text.contains("\"coordinates\"")
+}
+
+/// Reads a geometry that is a text of its own. Fails with the reason for skipping the feature.
+pub(in crate::vector) fn parse_geometry(text: &str) -> Result<Geometry, &'static str> {
+    let geometry: GeoJsonGeometry = serde_json::from_str(text).map_err(|_| MALFORMED)?;
+    geometry.read().map_err(|fault| fault.reason)
+}
 
 /// Why a geometry cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use std::fmt;
 use std::io::{self, BufRead, Read};
 
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_json::Value;
 use serde_json::value::RawValue;
+use serde_json::{Map, Value};
 
 use super::features::FeatureReader;
 use super::geometry::GEOMETRY_TYPES;
@@ -15,6 +15,8 @@ use insula_source::input::Input;
 use insula_source::json::lenient::LenientReader;
 use insula_source::source::{CitySource, open};
 
+/// Bytes at the end of a document in which its coordinate system is looked for.
+const END_BYTES: usize = 1 << 14;
 const COLLECTION: &str = "FeatureCollection";
 const FEATURE: &str = "Feature";
 /// Members of which a document that is a single feature or geometry is made.
@@ -39,7 +41,7 @@ pub(crate) fn read(
         limits: &limits,
     });
     let stopped = RefCell::new(None);
-    let visitor = DocumentVisitor { features, limits: &limits, stopped: &stopped, bytes_read };
+    let visitor = DocumentVisitor { features, input, limits: &limits, stopped: &stopped, bytes_read };
     let result = json.deserialize_map(visitor).and_then(|()| {
         limits.next_member();
         json.end()
@@ -69,6 +71,35 @@ pub(super) fn find_place_system(input: &Input<'_>) -> Option<Value> {
     let opened = Input { max_bytes: u64::MAX, ..*input }.open().ok()?;
     let reader = LimitedReader { inner: LenientReader::new(skip_bom(opened.reader)), limits: &limits };
     serde_json::Deserializer::from_reader(reader).deserialize_map(PlaceSystemVisitor(&limits)).ok()?
+}
+
+/// The `crs` member at the end of a document; `None` if there is none, or if the end cannot be read.
+fn find_crs_at_end(input: &Input<'_>) -> Option<Value> {
+    let end = end_of(input).ok()?;
+    let name = b"\"crs\"";
+    let mut places = end.windows(name.len()).enumerate().filter(|(_, window)| window == name).map(|(place, _)| place);
+    // That of a feature has more behind its own object.
+    places.find_map(|place| {
+        let members = [b"{".as_slice(), end.get(place..)?].concat();
+        serde_json::from_slice::<Map<String, Value>>(&members).ok()?.remove("crs")
+    })
+}
+
+/// The last bytes of a text. Fails if it cannot be read.
+fn end_of(input: &Input<'_>) -> io::Result<Vec<u8>> {
+    let mut end = Vec::new();
+    if input.files.is_random() {
+        let file = input.files.random(input.name)?;
+        if input.is_plain(&mut file.reader(0))? {
+            file.reader(file.bytes().saturating_sub(END_BYTES as u64)).read_to_end(&mut end)?;
+            return Ok(end);
+        }
+    }
+    let mut reader = input.open().map_err(io::Error::other)?.reader;
+    while reader.by_ref().take(END_BYTES as u64).read_to_end(&mut end)? > 0 {
+        end.drain(..end.len().saturating_sub(END_BYTES));
+    }
+    Ok(end)
 }
 
 /// Skips a byte order mark.
@@ -213,6 +244,7 @@ impl<R: Read> Read for LimitedReader<'_, R> {
 /// Visits the members of the document in order.
 struct DocumentVisitor<'d, 'a> {
     features: &'d mut FeatureReader<'a>,
+    input: &'d Input<'d>,
     limits: &'d ByteLimits,
     /// The error that ended the parsing, because serde can only pass on a text.
     stopped: &'d RefCell<Option<InputError>>,
@@ -250,6 +282,13 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_> {
             self.limits.next_member();
             let Some(name) = map.next_key::<String>()? else { break };
             if name == "features" {
+                // Some programs write it last.
+                if !self.features.has_crs()
+                    && let Some(crs) = find_crs_at_end(self.input)
+                {
+                    let agreed = self.features.set_crs(&crs);
+                    self.check(agreed)?;
+                }
                 map.next_value_seed(FeaturesVisitor(&mut self))?;
                 continue;
             }

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, Read};
 
-use super::encoding::{Charset, decode, encoding_of};
+use super::encoding::{Charset, decode, encoding_of, is_odd};
 use crate::vector::number::date_of_days;
 use insula_source::attributes::{AttributeValue, Attributes};
 
@@ -36,6 +36,9 @@ pub(super) struct AttributeReader<'a> {
     columns: Vec<Column>,
     /// `None` if the table does not tell.
     encoding: Option<Charset>,
+    /// The first text that looks as if it were in another encoding, until it is reported.
+    odd_text: Option<String>,
+    has_odd_text: bool,
     row: Vec<u8>,
 }
 
@@ -71,11 +74,16 @@ impl<'a> AttributeReader<'a> {
         if used > row_bytes {
             return Err(format!("columns of {used} bytes in rows of {row_bytes}"));
         }
-        Ok(Self { reader, columns, encoding, row: vec![0; row_bytes] })
+        Ok(Self { reader, columns, encoding, odd_text: None, has_odd_text: false, row: vec![0; row_bytes] })
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(|column| column.name.as_str())
+    }
+
+    /// The first text that looks as if it were in another encoding than it is read in, once.
+    pub(super) fn take_odd_text(&mut self) -> Option<String> {
+        self.odd_text.take()
     }
 
     /// Reads the next row.
@@ -90,6 +98,10 @@ impl<'a> AttributeReader<'a> {
         for column in &self.columns {
             let Some((field, after)) = rest.split_at_checked(column.bytes) else { break };
             rest = after;
+            if !self.has_odd_text && matches!(column.kind, b'C' | b'V') && is_odd(field, self.encoding) {
+                self.has_odd_text = true;
+                self.odd_text = Some(decode(field, self.encoding).trim_end_matches(['\0', ' ']).to_owned());
+            }
             if let Some(value) = value(column, field, self.encoding) {
                 attributes.push(&column.name, value);
             }

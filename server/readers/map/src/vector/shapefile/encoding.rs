@@ -104,6 +104,15 @@ pub(super) fn decode(field: &[u8], charset: Option<Charset>) -> String {
     }
 }
 
+/// Whether a text is hardly in Windows-1252, in which it is read for want of another encoding: languages that have it write no four
+/// letters beyond ASCII in a row.
+pub(super) fn is_odd(field: &[u8], charset: Option<Charset>) -> bool {
+    let is_guess = charset.is_none_or(|charset| charset == Charset::Known(encoding_rs::WINDOWS_1252));
+    is_guess
+        && std::str::from_utf8(field).is_err_and(|fault| fault.error_len().is_some())
+        && field.windows(4).any(|letters| letters.iter().all(|byte| *byte >= 0x80))
+}
+
 fn decode_dos(field: &[u8], letters: &str) -> String {
     let letter = |byte: &u8| match byte.checked_sub(128) {
         None => char::from(*byte),
@@ -148,5 +157,8 @@ mod tests {
         assert_eq!(decode(b"S\xc6o", encoding_of(None, 0x02)), "São");
         assert_eq!(decode(b"\x9d\xa2d\xab", encoding_of(None, 0x64)), "Łódź");
         assert!(DOS.iter().all(|(_, letters)| letters.chars().count() == 128));
+        let (gbk, _, _) = encoding_rs::GBK.encode("人民公园");
+        assert!(is_odd(&gbk, None) && is_odd(&gbk, encoding_of(None, 0x57)) && !is_odd(&gbk, encoding_of(None, 0x4d)));
+        assert!(!is_odd(b"Stra\xdfe", None) && !is_odd("人民公园".as_bytes(), None));
     }
 }

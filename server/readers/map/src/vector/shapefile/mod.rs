@@ -17,7 +17,7 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
-use insula_source::problems::{DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_ATTRIBUTES};
+use insula_source::problems::{DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, NO_ATTRIBUTES};
 
 const HEADER_BYTES: usize = 100;
 const FILE_CODE: u32 = 9994;
@@ -118,7 +118,12 @@ fn read_shape(
     let name = format!("feature {number}");
     let mut attributes = Attributes::default();
     if let Some(reader) = table {
-        match reader.next(&mut attributes) {
+        let row = reader.next(&mut attributes);
+        if let Some(text) = reader.take_odd_text() {
+            let advice = "write the encoding, such as GBK, into a .cpg file beside it";
+            writer.sink.problem(ENCODING_GUESSED, format!("{name}: {text}: {advice}"));
+        }
+        match row {
             Row::Read => {}
             Row::Deleted => return writer.add(Some(name), attributes, Err("deleted feature")),
             Row::Missing => {

@@ -51,6 +51,16 @@ fn delimiters_names_and_encodings() {
 }
 
 #[test]
+fn geometries_may_be_texts_of_geojson() {
+    let shape = r#""{""type"": ""Polygon"", ""coordinates"": [[[10,10],[19,10],[19,19],[10,19],[10,10]]]}""#;
+    let lines =
+        format!("id;Geo Point;Geo Shape\n7;48.14, 11.57;{shape}\n8;48.14, 11.57;\n9;1, 2;\"{{ \"\"coordinates\"\"\"\n");
+    let sink = read(read_csv, &[("a.csv", lines.as_bytes())]);
+    assert_eq!(rings(&sink.objects[0].shape)[0].rings, [square(10.0, 10.0, 9.0)]);
+    assert_eq!(sink.skipped, [("no geometry", "8".to_owned()), ("malformed geometry", "9".to_owned())]);
+}
+
+#[test]
 fn other_tables_are_refused() {
     for lines in [&b""[..], b"a,b\n1,2\n", b"\n\n\n", b"\xff\xfe\0"] {
         assert!(run(read_csv, &[("a.csv", lines)], None).0.is_err(), "{lines:?}");

@@ -3,7 +3,7 @@
 use super::{read, rings, run};
 use crate::vector::read_csv;
 use insula_source::object::{FeatureKind, Shape};
-use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, TREES_BY_COLUMN};
 use insula_source::testing::TestSink;
 
 fn features(name: &str, header: &str, lines: &[&str]) -> TestSink {
@@ -62,6 +62,21 @@ fn level_polygons_among_walls_are_faces() {
     let many = vec![format!("\"{LEVEL}\";1"); 300];
     let sink = features("town.csv", "wkt;n", &many.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(sink.objects.len() == 300 && sink.objects.iter().all(|object| !is_surface(&object.shape)));
+}
+
+#[test]
+fn points_with_columns_of_trees_are_trees() {
+    for (header, line, is_guess) in [
+        ("tree_id,species,height,lon,lat", "1,Tilia,5,11,48", false),
+        ("Nr;Baumhoehe;Rechtswert;Hochwert", "1;5;691000;5335000", false),
+        ("genus,lon,lat", "Tilia,11,48", true),
+        ("Art,Hoehe,lon,lat", "Linde,5,11,48", true),
+    ] {
+        let sink = features("points.csv", header, &[line]);
+        assert_eq!(kinds(&sink), [FeatureKind::Vegetation], "{header}");
+        assert_eq!(sink.problems.iter().any(|(kind, _)| *kind == TREES_BY_COLUMN), is_guess, "{header}");
+    }
+    assert_eq!(kinds(&features("points.csv", "id,lon,lat", &["1,11,48"])), [FeatureKind::Generic]);
 }
 
 #[test]
