@@ -153,7 +153,7 @@ fn is_same(surfaces: [&CitySurface; 2], index: usize) -> bool {
     before == after
 }
 
-/// SurfaceValues of tops and of points on walls, before and after a change of a surface.
+/// Values of tops and of points on walls, before and after a change of a surface.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfaceValues<'a> {
     pub surface: &'a CitySurface,
