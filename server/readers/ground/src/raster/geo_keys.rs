@@ -176,7 +176,7 @@ impl GeoKeys {
         let metres = |code: u64| metres_of(&code.to_string()).or_else(|| self.real(LINEAR_UNIT_SIZE_KEY));
         let unit_m = self.number(LINEAR_UNITS_KEY).map_or(Some(1.0), metres);
         let unit = match unit_m {
-            Some(unit_m) if unit_m == 1.0 => "+units=m".to_owned(),
+            Some(1.0) => "+units=m".to_owned(),
             Some(unit_m) => format!("+to_meter={unit_m}"),
             None => "+units=of_the_file".to_owned(),
         };
@@ -278,7 +278,7 @@ fn datum_of(code: u64) -> String {
         _ => {}
     }
     let known = resolve(&format!("EPSG:{code}")).ok().and_then(|crs| match crs.horizontal.system {
-        System::Geographic { definition, unit_deg } if unit_deg == 1.0 => Some(definition.text()),
+        System::Geographic { definition, unit_deg: 1.0 } => Some(definition.text()),
         _ => None,
     });
     // Without the projection.
