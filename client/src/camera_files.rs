@@ -17,8 +17,15 @@ const MAX_BYTES: u64 = 64 << 20;
 /// The camera of an option: the text of a camera as view links have it, or a camera file. Fails if a file cannot be read or holds no valid
 /// camera.
 pub fn read_camera(text_or_file: &Path) -> Result<Camera> {
-    match camera_text::parse(&text_or_file.to_string_lossy()) {
+    let text = text_or_file.to_string_lossy();
+    // A copied link or address has the text in it.
+    let (_, of_link) = text.split_once("camera=").unwrap_or(("", &text));
+    let camera = of_link.split(['&', '#']).next().unwrap_or_default().replace("%2C", ",");
+    match camera_text::parse(&camera) {
         Some(camera) => Ok(camera),
+        None if camera.contains(',') && !text_or_file.exists() => Err(ClientError::Usage(format!(
+            "--camera {camera}: write X,Y,Z,AZIMUTH,PITCH,FOV in metres and degrees, with a field of view of 1 to 170, or name a camera file"
+        ))),
         None => read(text_or_file, CameraFile::parse),
     }
 }

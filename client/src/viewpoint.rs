@@ -54,10 +54,12 @@ pub fn stand_on_ground(camera: Camera, session: &Session) -> Camera {
     Camera { position: camera.position.with_z(ground_m + EYE_M), ..camera }
 }
 
-/// The camera above what it is inside of; `None` if it is outside.
+/// The camera above what it is inside of, or below; `None` if it is outside.
 pub fn lifted_out(camera: Camera, session: &Session) -> Option<Camera> {
-    let solids = session.solids();
-    let is_inside = solids.is_inside(camera.position);
+    let (solids, manifest) = (session.solids(), session.tree().manifest());
+    // Below all that stands there is the Earth, and not the outside.
+    let is_below = camera.position.z < manifest.bounds[0][2].min(manifest.ground_z_m);
+    let is_inside = is_below || solids.is_inside(camera.position);
     let height_m = is_inside.then(|| solids.free_height_above(camera.position))?;
     Some(Camera { position: camera.position.with_z(height_m + EYE_M), ..camera })
 }

@@ -16,7 +16,7 @@ use insula_archive::new_file::replace;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_protocol::{
     blockmap::NO_OBJECT,
-    text::{human_bytes, printable},
+    text::{count, human_bytes, printable},
 };
 use insula_shaders::layout::Shading;
 use insula_viewer::{camera::Camera, objects::ObjectDescription, streamer::FrameRequest, sun::Daylight};
@@ -48,7 +48,10 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     if let Some(objects) = objects.as_ref().filter(|_| !args.styles.is_empty()) {
         let styled = objects.styles(&args.styles.rules())?;
         if args.styles.filter.is_some() {
-            eprintln!("{} objects pass the filter", styled.passing);
+            match styled.passing {
+                0 => eprintln!("warning: no object passes the filter, so it changes nothing"),
+                passing => eprintln!("{} of the city pass the filter", count(passing as u64, "object")),
+            }
         }
         session.set_styles(styled.styles);
         legend = styled.legend.filter(|_| args.legend);

@@ -9,7 +9,7 @@ use insula_objects::{
     Schema,
     color::{ColorBy, Legend, Ramp},
 };
-use insula_protocol::text::printable;
+use insula_protocol::text::{count, printable};
 use insula_viewer::objects::{FilteredOut, ObjectStyles, StyleRules, StyledObjects};
 
 /// What a thread has found.
@@ -154,7 +154,7 @@ impl StylePanel {
         });
         if !self.requested.filter.is_empty() {
             ui.horizontal(|ui| {
-                ui.label(format!("{} objects pass; others are", self.passing));
+                ui.label(format!("passing: {}; others are", count(self.passing as u64, "object")));
                 ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Ghost, "pale");
                 ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Hide, "hidden");
             });

@@ -128,12 +128,12 @@ pub fn added_values(city: &CityValues<'_>, columns: Columns<'_>) -> AddedValues 
     AddedValues { names: columns.names().split_off(2), values: with_values.map(of_row).collect() }
 }
 
-/// Writes a row for each building as CSV. Fails if `out` cannot be written.
+/// Writes a row for each building with a value as CSV. Fails if `out` cannot be written.
 pub fn write_table(city: &CityValues<'_>, columns: Columns<'_>, out: impl Write) -> io::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
     let Columns { has_asked, total, .. } = columns;
     rows.write_record(columns.names())?;
-    for row in &city.buildings {
+    for row in city.buildings.iter().filter(|row| row.roof.count + row.walls.count > 0) {
         let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
         let values = |values: &PlaceValues| {
             let end = |value: f32| number((values.count > 0).then_some(f64::from(value)));

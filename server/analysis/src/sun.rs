@@ -43,6 +43,12 @@ impl Site {
         Some(Bearing { azimuth_deg: (sun.azimuth_deg + self.north_deg).rem_euclid(360.0), ..sun })
     }
 
+    /// Degrees from true north of a bearing from the grid's.
+    #[must_use]
+    pub fn from_true_north(&self, sun: Bearing) -> f64 {
+        (sun.azimuth_deg - self.north_deg).rem_euclid(360.0)
+    }
+
     /// By how many hours true solar time is ahead of mean solar time at noon: the sun's hour angle when the mean sun culminates. It changes
     /// by up to 15 s within half a day.
     fn equation_of_time(&self, date: NaiveDate) -> Option<f64> {

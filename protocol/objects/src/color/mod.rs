@@ -287,7 +287,8 @@ impl ColorBy {
 fn position(value: f64, [from, to]: [f64; 2]) -> f64 {
     // Halves, because the difference of two f64 may be infinite.
     let position = (value / 2.0 - from / 2.0) / (to / 2.0 - from / 2.0);
-    if position.is_nan() { 0.5 } else { position }
+    // A range of one value has the colour of its one entry in the legend, the first.
+    if position.is_nan() { 0.0 } else { position }
 }
 
 /// Classes of the most frequent values, of all kinds or of the two booleans.

@@ -227,7 +227,8 @@ impl<'a> BakeRun<'a> {
         match PreviousCity::open(&self.config.out, self.config) {
             Ok(previous) => Some(previous),
             Err(reason) => {
-                tracing::warn!("{}: cannot update: {reason}; baking the whole city", self.config.out.display());
+                let out = self.config.out.display();
+                self.progress.warn(&format!("{out}: cannot update: {reason}; baking the whole city"));
                 None
             }
         }

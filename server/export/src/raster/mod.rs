@@ -127,7 +127,10 @@ impl CellExtent {
         let first = [0, 1].map(|k| (cell(area[0][k].max(all[0][k]), k) + 1e-6).floor().clamp(0.0, end));
         let last = [0, 1].map(|k| (cell(area[1][k].min(all[1][k]), k) - 1e-6).ceil().clamp(0.0, end));
         if (0..2).any(|k| last[k] <= first[k]) {
-            return Err(ExportError::ObjectSelection("it has no part of the city".to_owned()));
+            return Err(ExportError::ObjectSelection(
+                "no part of the city lies in the area: write west, south, east, north, and longitude before latitude"
+                    .to_owned(),
+            ));
         }
         let size = [0, 1].map(|k| (last[k] - first[k]) as u32);
         if size.iter().any(|side| *side > MAX_SIDE) {

@@ -19,7 +19,7 @@ use insula_export::{
     format::{Format, Projections},
     raster::{CellExtent, NODATA, write_raster},
 };
-use insula_protocol::text::{count, human_bytes, printable};
+use insula_protocol::text::{count, fixed, human_bytes, printable};
 use serde_json::json;
 use std::path::Path;
 
@@ -198,19 +198,26 @@ fn text(
 /// The values of one kind of place in words; `None` without a value.
 pub(super) fn summary(what: Analysis, unit: &str, values: &PlaceValues, asked: Option<f64>) -> Option<String> {
     let mean = values.mean()?;
-    let percent = |share: f64| format!("{:.1}%", share * 100.0);
+    let percent = |share: f64| fixed(share * 100.0, 1) + "%";
+    let [low, high] = [values.least, values.most].map(f64::from);
+    let range = |decimals| [mean, low, high].map(|value| fixed(value, decimals));
     Some(match what {
         Analysis::Sun => {
             let [sign, what] = if unit == "percent" { ["%", "probable sunlight"] } else { [" h", "sun"] };
-            let text = format!("{mean:.2}{sign} of {what} on average, {:.2} to {:.2}", values.least, values.most);
+            let [mean, low, high] = range(2);
+            let text = format!("{mean}{sign} of {what} on average, {low} to {high}");
             let reaching = asked.zip(values.share());
             let reaching =
                 reaching.map(|(asked, share)| format!("; {} reach the {asked}{sign} asked for", percent(share)));
             text + &reaching.unwrap_or_default()
         }
-        Analysis::Sky => format!("{mean:.3} on average, {:.3} to {:.3}", values.least, values.most),
+        Analysis::Sky => {
+            let [mean, low, high] = range(3);
+            format!("{mean} on average, {low} to {high}")
+        }
         Analysis::Solar => {
-            format!("{mean:.0} kWh/m2 a year on average, {:.0} to {:.0}", values.least, values.most)
+            let [mean, low, high] = range(0);
+            format!("{mean} kWh/m2 a year on average, {low} to {high}")
         }
         Analysis::Shadow => format!("{} in shadow", percent(mean)),
         Analysis::View => format!("{} seen", percent(mean)),

@@ -114,13 +114,13 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     }
     for (moment, files) in &times {
         let site = question.site()?;
-        let answer = beside(&mut surface, changed.as_mut(), |surface| shadow::at(surface, &site, moment))?;
+        let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| shadow::at(surface, &site, moment))?;
         write(&question, &surface, answer, files)?;
     }
     match args.what {
         Analysis::Shadow => Ok(()),
         _ => {
-            let answer = beside(&mut surface, changed.as_mut(), |surface| question.answer(surface))?;
+            let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| question.answer(surface))?;
             write(&question, &surface, answer, &Files::of(args))
         }
     }
@@ -133,6 +133,7 @@ fn grown([min, max]: [[f64; 2]; 2], metres: f64) -> [[f64; 2]; 2] {
 
 /// The answer of a surface, or what it is less after a change. Fails as `ask` does.
 fn beside(
+    what: Analysis,
     surface: &mut CitySurface,
     changed: Option<&mut (Change, CitySurface)>,
     ask: impl Fn(&mut CitySurface) -> Result<Answer, CommandError>,
@@ -141,7 +142,7 @@ fn beside(
     match changed {
         Some((change, after)) => {
             let later = ask(after)?;
-            Ok(change.between([surface, after], &answer, later))
+            Ok(change.between(what, [surface, after], &answer, later))
         }
         None => Ok(answer),
     }

@@ -4,6 +4,7 @@ use super::{
     super::{area_file::read_polygons, error::CommandError},
     Answer,
 };
+use crate::args::Analysis;
 use insula_analysis::{
     proposal::{Addition, SurfaceValues, change},
     surface::{Building, CitySurface},
@@ -25,6 +26,8 @@ use std::{
 const MAX_BYTES: u64 = 1 << 20;
 /// How far around a proposal values are computed.
 pub(super) const AROUND_M: f64 = 500.0;
+/// All of a model is so near to its place.
+const FAR_M: f64 = 2000.0;
 
 /// A file of `--proposal`. Files that it names are beside it.
 #[derive(Debug, Default, Deserialize)]
@@ -47,7 +50,7 @@ struct AddTable {
     /// A model that `bake` reads.
     file: Option<PathBuf>,
     /// Longitude and latitude of its origin, if it has no coordinates of its own.
-    place: Option<[f64; 2]>,
+    place: Option<Vec<f64>>,
     /// Clockwise from the file's north.
     #[serde(default)]
     heading_deg: f64,
@@ -56,6 +59,30 @@ struct AddTable {
     height_m: Option<f64>,
     /// Above sea level. By default the ground at the place, or the lowest ground along the outline.
     base_m: Option<f64>,
+}
+
+impl AddTable {
+    /// Fails with what does not fit together.
+    fn check(&self) -> Result<(), &'static str> {
+        let Self { file, place, heading_deg, outline, height_m, base_m } = self;
+        let is_height = |height: &f64| (0.1..=2000.0).contains(height);
+        match (file, outline) {
+            (Some(_), None) if height_m.is_some() => Err("height_m is of an outline: a file has its own height"),
+            (Some(_), None) if place.is_none() && (base_m.is_some() || *heading_deg != 0.0) => {
+                Err("base_m and heading_deg of a file need its place: a file with coordinates stands where they say")
+            }
+            (Some(_), None) if place.as_ref().is_some_and(|place| place.len() != 2) => {
+                Err("a place is [longitude, latitude]; base_m is the height above sea level")
+            }
+            (Some(_), None) => Ok(()),
+            (None, Some(_)) if place.is_some() || *heading_deg != 0.0 => {
+                Err("an outline has its place and direction: place and heading_deg are of a file")
+            }
+            (None, Some(_)) if height_m.as_ref().is_some_and(is_height) => Ok(()),
+            (None, Some(_)) => Err("an outline needs height_m in metres, up to 2000"),
+            _ => Err("an [[add]] has a file or an outline"),
+        }
+    }
 }
 
 /// Objects that are removed.
@@ -87,7 +114,7 @@ enum Base {
     Known,
     /// The ground at a place.
     At([f64; 2]),
-    /// The lowest ground along the outline.
+    /// The lowest ground along the outline, or below the model.
     Along,
 }
 
@@ -102,18 +129,7 @@ impl Proposal {
             return Err(wrong("it has neither an [[add]] nor a [[remove]]".to_owned()));
         }
         for added in &proposal.add {
-            let is_right = match added {
-                AddTable { file: Some(_), outline: None, height_m: None, .. } => true,
-                AddTable { outline: Some(_), height_m: Some(height), place: None, .. } => {
-                    (0.1..=2000.0).contains(height)
-                }
-                _ => false,
-            };
-            if !is_right {
-                return Err(wrong(
-                    "an [[add]] has a file, or an outline and height_m in metres, up to 2000".to_owned(),
-                ));
-            }
+            added.check().map_err(|reason| wrong(reason.to_owned()))?;
         }
         if proposal.remove.iter().any(|r| r.ids.is_empty() && r.filter.is_none() && r.polygon.is_none()) {
             return Err(wrong("a [[remove]] has ids, a filter or a polygon".to_owned()));
@@ -138,7 +154,8 @@ impl Proposal {
     /// Reads the models, outlines and filters. Fails if one cannot be read, or has no place in the city.
     pub(super) fn change(&self, source: &dyn ExportSource, place: Option<&EarthPlace>) -> Result<Change, CommandError> {
         let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-        let polygons = |file: &Path| read_polygons("--proposal", &self.beside(file), city, place);
+        let option = format!("--proposal {}:", self.path.display());
+        let polygons = |file: &Path| read_polygons(&option, &self.beside(file), city, place);
         let mut change = Change {
             title: self.title.clone(),
             added: Vec::new(),
@@ -179,18 +196,19 @@ impl Proposal {
         place: Option<&EarthPlace>,
     ) -> Result<(Addition, Base), CommandError> {
         let wrong = |reason: &str| self.wrong(&format!("{}: {reason}", file.display()));
-        let on_map = match added.place {
+        let degrees = added.place.as_ref().and_then(|place| Some([*place.first()?, *place.get(1)?]));
+        let on_map = match degrees {
             Some(degrees) => {
                 let place = place.ok_or_else(|| wrong("it is not known where on Earth this city lies"))?;
                 Some(place.on_map(degrees).ok_or_else(|| wrong("its place is out of the city's coordinate system"))?)
             }
             None => None,
         };
-        let at = added.place.map(|[lon, lat]| [lon, lat, added.base_m.unwrap_or(0.0)]);
+        let at = degrees.map(|[lon, lat]| [lon, lat, added.base_m.unwrap_or(0.0)]);
         let placing = PlacingOptions { crs: source.manifest().crs.clone(), at, ..PlacingOptions::default() };
         let options = ReadOptions { placing, ..ReadOptions::default() };
         let (scene, report) =
-            read::read(&[file.to_owned()], &options, &|_| ()).map_err(|error| wrong(&error.to_string()))?;
+            read::read(&[file.to_owned()], &options, &|_| ()).map_err(|error| self.wrong(&error.to_string()))?;
         report.warnings().for_each(|warning| eprintln!("warning: {warning}"));
         let (sin, cos) = (-added.heading_deg.to_radians()).sin_cos();
         let turned = |corner: [f32; 3]| {
@@ -203,12 +221,20 @@ impl Proposal {
                 _ => corner,
             }
         };
-        let triangles = scene.triangles.iter().map(|triangle| triangle.corners.map(turned));
+        let triangles: Vec<_> = scene.triangles.iter().map(|triangle| triangle.corners.map(turned)).collect();
+        let corners = || triangles.iter().flatten();
+        let is_far = |[x, y]: [f64; 2]| corners().all(|[cx, cy, _]| (cx - x).hypot(cy - y) > FAR_M);
+        if on_map.is_some_and(is_far) {
+            return Err(wrong("it has coordinates of its own, far from its place: leave place out"));
+        }
+        // Footprints without heights of their own are read at height 0.
+        let lies_at_zero = corners().map(|[_, _, z]| *z).reduce(f64::min) == Some(0.0);
         let base = match on_map {
             Some(on_map) if added.base_m.is_none() => Base::At(on_map),
+            None if lies_at_zero => Base::Along,
             _ => Base::Known,
         };
-        Ok((Addition::Model(triangles.collect()), base))
+        Ok((Addition::Model(triangles), base))
     }
 }
 
@@ -218,10 +244,7 @@ impl Change {
         if !self.ids.is_empty() || !self.numbers.is_empty() {
             return None;
         }
-        let added = self.added.iter().flat_map(|(addition, _)| match addition {
-            Addition::Model(triangles) => triangles.iter().flatten().map(|[x, y, _]| [*x, *y]).collect::<Vec<_>>(),
-            Addition::Block { outline, .. } => outline.concat(),
-        });
+        let added = self.added.iter().flat_map(|(addition, _)| places_of(addition));
         let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
         let bounds = added.chain(self.areas.iter().flatten().flatten().copied()).fold(nothing, |[low, high], place| {
             [[0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k]))]
@@ -244,11 +267,12 @@ impl Change {
             let mut addition = addition.clone();
             let base_m = match (base, &addition) {
                 (Base::At(place), _) => cleared.ground_at(*place).ok_or_else(no_ground)?,
-                (Base::Along, Addition::Block { outline, .. }) => {
-                    let ground = outline.iter().flatten().filter_map(|place| cleared.ground_at(*place));
+                (Base::Along, addition) => {
+                    let places = places_of(addition).into_iter();
+                    let ground = places.filter_map(|place| cleared.ground_at(place));
                     ground.reduce(f64::min).ok_or_else(no_ground)?
                 }
-                (Base::Known | Base::Along, _) => 0.0,
+                (Base::Known, _) => 0.0,
             };
             match &mut addition {
                 Addition::Model(triangles) => triangles.iter_mut().flatten().for_each(|corner| corner[2] += base_m),
@@ -258,15 +282,22 @@ impl Change {
         }
         let after = cleared.with_additions(&additions);
         if after.changes_from(surface).is_none() {
-            return Err(
-                proposal.wrong("it changes nothing: what it adds lies below what stands there, or outside of the area")
-            );
+            return Err(proposal.wrong(match self.added.is_empty() {
+                true => "it changes nothing: no building passes its filters, and nothing stands in its polygons",
+                false => "it changes nothing: what it adds lies below what stands there, or outside of the area",
+            }));
         }
         Ok(after)
     }
 
     /// What an answer after the change is beside one before it.
-    pub(super) fn between(&self, [before, after]: [&CitySurface; 2], earlier: &Answer, later: Answer) -> Answer {
+    pub(super) fn between(
+        &self,
+        what: Analysis,
+        [before, after]: [&CitySurface; 2],
+        earlier: &Answer,
+        later: Answer,
+    ) -> Answer {
         let [before, after] = [(before, earlier), (after, &later)].map(|(surface, answer)| SurfaceValues {
             surface,
             tops: &answer.tops,
@@ -276,9 +307,12 @@ impl Change {
         let (tops, points, walls) = change(before, after);
         let name = if self.title.is_empty() { "proposal" } else { &self.title };
         let mut notes = later.notes;
-        notes.push(format!(
-            "{name}: values are changes, after less before, up to {AROUND_M} m around it; what is below 0 is lost"
-        ));
+        let meaning = match what {
+            Analysis::Shadow => "1 is new shadow, and -1 shadow that goes",
+            Analysis::View => "1 is newly seen, and -1 no longer",
+            _ => "what is below 0 is lost",
+        };
+        notes.push(format!("{name}: values are changes, after less before, up to {AROUND_M} m around it; {meaning}"));
         Answer {
             tops,
             points,
@@ -288,5 +322,13 @@ impl Change {
             notes,
             ..later
         }
+    }
+}
+
+/// The corners on the map.
+fn places_of(addition: &Addition) -> Vec<[f64; 2]> {
+    match addition {
+        Addition::Model(triangles) => triangles.iter().flatten().map(|[x, y, _]| [*x, *y]).collect(),
+        Addition::Block { outline, .. } => outline.concat(),
     }
 }

@@ -58,7 +58,8 @@ pub(super) fn at(surface: &CitySurface, site: &Site, moment: &Moment) -> Result<
     let sun = site.sun_at(moment);
     let sun = sun.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))?;
     let dark = shadow(surface, sun);
-    Ok(Answer { notes: vec![sun_text(sun)], ..Answer::of_places(surface, &dark, format!("shadow at {moment}")) })
+    let north = Bearing { azimuth_deg: site.from_true_north(sun), ..sun };
+    Ok(Answer { notes: vec![sun_text(north)], ..Answer::of_places(surface, &dark, format!("shadow at {moment}")) })
 }
 
 fn sun_text(sun: Bearing) -> String {

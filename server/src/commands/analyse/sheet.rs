@@ -13,6 +13,7 @@ use insula_draw::{
 };
 use insula_export::selection::ObjectSelection;
 use insula_objects::{Legend, LegendEntry, Ramp};
+use insula_protocol::text::fixed;
 use std::path::Path;
 
 /// Longest side of the picture in pixels. Larger areas show every second cell, or fewer.
@@ -186,7 +187,13 @@ impl Colors {
             None => (vec![entry(first, self.word.to_owned())], None),
             Some([low, high]) => {
                 let digits = if high >= 100.0 { 0 } else { 2 };
-                let label = |value: f64| format!("{value:.digits$}");
+                // Of a change, the ends have what lies beyond them, too.
+                let end = |value: f64| match low < 0.0 {
+                    true if value == low => "≤ ",
+                    true if value == high => "≥ ",
+                    _ => "",
+                };
+                let label = |value: f64| format!("{}{}", end(value), fixed(value, digits));
                 let ends =
                     [low, 0.5 * (low + high), high].map(|value| entry(self.of_value(value as f32).0, label(value)));
                 let none = LegendEntry { rgb: [255; 3], label: "no value".to_owned() };
