@@ -89,7 +89,10 @@ impl FileKind {
     /// SVG files.
     pub const SVG: Self = Self::Has("an SVG file", &["<svg"]);
     /// GeoJSON files.
-    pub const GEOJSON: Self = Self::Has("a GeoJSON file", &["\"FeatureCollection\""]);
+    pub const GEOJSON: Self = Self::Begins(
+        "a GeoJSON file of a city or of an analysis",
+        &[b"{\"type\":\"FeatureCollection\",\"name\":", b"{\"attribution\":"],
+    );
     /// CityJSON text sequences.
     pub const CITYJSON_SEQUENCE: Self = Self::Has("a CityJSON text sequence", &["\"CityJSON\"", "\"type\""]);
     /// Tables of objects.
@@ -442,6 +445,9 @@ mod tests {
             ("0\nSECTION\n2\nHEADER\n", FileKind::DXF, true),
             ("  0\r\nSECTION\r\n", FileKind::DXF, true),
             ("THE SECTION OF THE LAW\n", FileKind::DXF, false),
+            (r#"{"type":"FeatureCollection","name":"Delft","attribution":"a""#, FileKind::GEOJSON, true),
+            (r#"{"attribution":"a","features":[]}"#, FileKind::GEOJSON, true),
+            (r#"{"type":"FeatureCollection","features":[]}"#, FileKind::GEOJSON, false),
             ("<?xml?>\n<svg>", FileKind::SVG, true),
         ] {
             fs::write(&path, text).unwrap();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::unread_formats::not_utf8;
+use insula_protocol::text::shell_word;
 
 /// What the parser of JSON says of bytes that are no UTF-8.
 const NOT_UTF8: &str = "invalid unicode code point";
@@ -103,9 +103,18 @@ impl InputError {
     /// A text is no valid JSON.
     pub fn json(path: &str, error: &serde_json::Error) -> Self {
         match json_message(error) {
-            what if what == NOT_UTF8 => not_utf8(path),
+            what if what == NOT_UTF8 => Self::not_utf8(path),
             what => Self::Json { path: path.to_owned(), line: error.line(), column: error.column(), what },
         }
+    }
+
+    /// The bytes of a JSON are no UTF-8.
+    pub(crate) fn not_utf8(path: &str) -> Self {
+        let (folder, name) = path.split_at(path.rfind('/').map_or(0, |slash| slash + 1));
+        let out = format!("{folder}utf8-{name}");
+        let [from, to] = [path, &out].map(shell_word);
+        let advice = format!("convert it with: iconv -f WINDOWS-1252 -t UTF-8 {from} > {to}");
+        Self::NotRead { path: path.to_owned(), format: "JSON that is not in UTF-8", advice }
     }
 
     /// A file is damaged at `place`.

@@ -208,14 +208,6 @@ fn is_xml(kind: SourceKind) -> bool {
     matches!(kind, SourceKind::Xml | SourceKind::OpenStreetMap)
 }
 
-/// The error of a JSON whose bytes are no UTF-8.
-pub(crate) fn not_utf8(path: &str) -> InputError {
-    let (folder, name) = path.split_at(path.rfind('/').map_or(0, |slash| slash + 1));
-    let out = format!("{folder}utf8-{name}");
-    let advice = format!("convert it with: iconv -f WINDOWS-1252 -t UTF-8 {} > {}", shell_word(path), shell_word(&out));
-    InputError::NotRead { path: path.to_owned(), format: "JSON that is not in UTF-8", advice }
-}
-
 /// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
 pub fn plain_gml(path: &str) -> InputError {
     not_read(path, "GML without elements of CityGML", &TO_GEOJSON)
@@ -310,7 +302,7 @@ mod tests {
         {
             assert_eq!(message(path, start), None, "{path}");
         }
-        let text = not_utf8("in/my town.json").to_string();
+        let text = InputError::not_utf8("in/my town.json").to_string();
         assert!(text.ends_with("iconv -f WINDOWS-1252 -t UTF-8 'in/my town.json' > 'in/utf8-my town.json'"), "{text}");
     }
 

@@ -2,10 +2,8 @@
 
 use super::super::error::RasterError;
 use super::super::facts::SampleKind;
-use super::layout::{Layout, YCBCR};
+use super::layout::{Layout, PALETTE, YCBCR};
 
-/// Numbers of [`Layout::photometric`] that stand for colours of a list.
-pub(super) const PALETTE: u64 = 3;
 const ASSOCIATED_ALPHA: u64 = 1;
 const ALPHA: u64 = 2;
 

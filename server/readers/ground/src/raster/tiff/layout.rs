@@ -2,7 +2,6 @@
 
 use super::super::error::RasterError;
 use super::super::facts::{RasterSize, SampleKind};
-use super::colours::PALETTE;
 use super::directory::{Directory, Entry, TiffFile};
 use super::unpack::{JPEG, NOT_COMPRESSED};
 
@@ -29,6 +28,8 @@ const JPEG_TABLES: u16 = 347;
 const CHROMA_SUBSAMPLING: u16 = 530;
 
 const BLACK_IS_ZERO: u64 = 1;
+/// Numbers of [`Layout::photometric`] that stand for colours of a list.
+pub(super) const PALETTE: u64 = 3;
 pub(super) const YCBCR: u64 = 6;
 /// An image in one strip without compression is read in pieces of about this size.
 const PIECE_BYTES: u64 = 1 << 20;

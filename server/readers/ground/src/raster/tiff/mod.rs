@@ -13,11 +13,11 @@ mod unpack;
 use std::collections::HashSet;
 
 use self::chunks::{Chunks, TiffImage};
-use self::colours::{Colours, PALETTE, alpha_band};
+use self::colours::{Colours, alpha_band};
 use self::directory::{Directory, TiffFile};
 use self::gdal::{GdalTags, HeightRule};
 use self::geo::GeoTags;
-use self::layout::Layout;
+use self::layout::{Layout, PALETTE};
 use super::error::RasterError;
 use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::source::Source;
