@@ -249,10 +249,12 @@ impl ColorBy {
             Scale::Range { gradient, range } => {
                 let at = |i: usize, count: usize| i as f64 / (count - 1) as f64;
                 let stops = (0..RAMP_STOPS).map(|i| palette::sample(*gradient, at(i, RAMP_STOPS))).collect();
-                let mut entries: Vec<LegendEntry> = (0..RAMP_ENTRIES)
-                    .map(|i| at(i, RAMP_ENTRIES))
-                    .map(|at| entry(palette::sample(*gradient, at), &self.label(at, *range)))
-                    .collect();
+                let places: Vec<f64> = match range[0] == range[1] {
+                    true => vec![SINGLE],
+                    false => (0..RAMP_ENTRIES).map(|i| at(i, RAMP_ENTRIES)).collect(),
+                };
+                let sample = |at: f64| entry(palette::sample(*gradient, at), &self.label(at, *range));
+                let mut entries: Vec<LegendEntry> = places.into_iter().map(sample).collect();
                 if range[0] > range[1] {
                     entries.reverse();
                 }
@@ -283,12 +285,14 @@ impl ColorBy {
     }
 }
 
+/// The place of the only value of a range.
+const SINGLE: f64 = 0.5;
+
 /// The place of a value in a range: 0 and 1 are its ends.
 fn position(value: f64, [from, to]: [f64; 2]) -> f64 {
     // Halves, because the difference of two f64 may be infinite.
     let position = (value / 2.0 - from / 2.0) / (to / 2.0 - from / 2.0);
-    // A range of one value has the colour of its one entry in the legend, the first.
-    if position.is_nan() { 0.0 } else { position }
+    if position.is_nan() { SINGLE } else { position }
 }
 
 /// Classes of the most frequent values, of all kinds or of the two booleans.

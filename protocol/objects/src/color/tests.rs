@@ -62,6 +62,8 @@ fn a_range_can_be_replaced_reversed_and_empty() {
     let empty = by.clone().with_range([1.0, 1.0]);
     assert_eq!(empty.rgba(value(1.0).as_ref()), by.rgba(value(1.5).as_ref()));
     assert_eq!(labels(&empty).len(), 2);
+    let [r, g, b, _] = empty.rgba(value(1.0).as_ref());
+    assert_eq!(empty.legend().entries[0].rgb, [r, g, b], "the legend has the colour of the only value");
     let huge = by.clone().with_range([f64::MIN, f64::MAX]);
     assert_eq!(huge.rgba(value(0.0).as_ref()), by.rgba(value(1.5).as_ref()));
     assert_eq!(huge.rgba(value(f64::MAX).as_ref()), by.rgba(value(2.0).as_ref()));
