@@ -36,6 +36,18 @@ impl CitySurface {
         self.changed(&self.ground_within(open))
     }
 
+    /// The surface with nothing but ground within an outline on the map: cells there are as high as the lowest one, or one beside them.
+    #[must_use]
+    pub fn without(&self, outline: &[[f64; 2]]) -> Self {
+        let area = vec![outline.to_vec()];
+        let [low, high] = bounds_of(&area);
+        let [columns, rows] = self.span(low.map(|v| v - self.cell_m), high.map(|v| v + self.cell_m));
+        let cells = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+        let tops = cells.map(|(x, y)| self.top(y * self.size()[0] + x)).filter(|top| top.is_finite());
+        let Some(lowest) = tops.reduce(f32::min) else { return self.clone() };
+        self.changed(&self.cells_in(&area).map(|index| (index, (lowest, TopKind::Ground))).collect())
+    }
+
     /// The surface with additions.
     #[must_use]
     pub fn with_additions(&self, additions: &[Addition]) -> Self {
@@ -80,7 +92,7 @@ impl CitySurface {
     /// Indices of the cells with the middle in a polygon.
     fn cells_in(&self, area: &Polygon) -> impl Iterator<Item = usize> {
         let selection = ObjectSelection { polygons: Some(vec![area.clone()]), ..ObjectSelection::default() };
-        let [low, high] = selection.area().unwrap_or_default();
+        let [low, high] = bounds_of(area);
         let [columns, rows] = self.span(low, high);
         let middles = rows.flat_map(move |y| columns.clone().map(move |x| [x, y]));
         let (width, corner, cell_m) = (self.size()[0], self.corner, self.cell_m);
@@ -145,6 +157,14 @@ impl CitySurface {
         }
         changes
     }
+}
+
+/// Lowest and highest corner of a polygon; inverted without any point.
+fn bounds_of(area: &Polygon) -> [[f64; 2]; 2] {
+    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    area.iter().flatten().fold(nothing, |[low, high], point| {
+        [[0, 1].map(|k| low[k].min(point[k])), [0, 1].map(|k| high[k].max(point[k]))]
+    })
 }
 
 /// Whether the same thing is on top of a cell of two surfaces.

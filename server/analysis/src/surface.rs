@@ -197,32 +197,6 @@ impl CitySurface {
         Some(self.base_m + f64::from(self.top(nearest.1 * width + nearest.0)))
     }
 
-    /// The surface with nothing but ground within an outline on the map: cells there are as high as the lowest one, or one beside them.
-    #[must_use]
-    pub fn without(&self, outline: &[[f64; 2]]) -> Self {
-        let area = ObjectSelection { polygons: Some(vec![vec![outline.to_vec()]]), ..ObjectSelection::default() };
-        let [width, height] = self.size();
-        let range = area
-            .area()
-            .map(|corners| corners.map(|corner| [0, 1].map(|k| ((corner[k] - self.corner[k]) / self.cell_m).floor())));
-        let Some([low, high]) = range else { return self.clone() };
-        let span = |k: usize, side: usize| {
-            let [from, to] = [low[k] - 1.0, high[k] + 2.0].map(|v| v.clamp(0.0, side as f64) as usize);
-            from..to
-        };
-        let cells: Vec<(usize, [f64; 2])> = span(1, height)
-            .flat_map(|y| span(0, width).map(move |x| (x, y)))
-            .map(|(x, y)| {
-                let middle = [x, y].map(|v| v as f64 + 0.5);
-                (y * width + x, [0, 1].map(|k| self.corner[k] + middle[k] * self.cell_m))
-            })
-            .collect();
-        let tops = cells.iter().map(|(index, _)| self.tops.values[*index]).filter(|top| top.is_finite());
-        let Some(lowest) = tops.reduce(f32::min) else { return self.clone() };
-        let inside = cells.iter().filter(|(_, place)| area.contains_point(*place));
-        self.changed(&inside.map(|(index, _)| (*index, (lowest, TopKind::Ground))).collect())
-    }
-
     /// The surface with other, level tops of some cells, as metres above the base, and what they belong to.
     pub(crate) fn changed(&self, changes: &BTreeMap<usize, (f32, TopKind)>) -> Self {
         let mut surface = self.clone();

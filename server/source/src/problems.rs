@@ -60,7 +60,7 @@ pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 pub const FAR_PICTURE: &str = "picture from above far from the city, not drawn";
 /// Kind of the problem that an elevation model is of another place.
 pub const FAR_TERRAIN: &str = "elevation model far from the city, no terrain made";
-/// Kind of the problem that only the name of a layer or file tells what areas are, and it may be that of a street.
+/// Kind of the problem that the kind of areas is known only from the name of their layer or file.
 pub const KIND_BY_NAME: &str = "kind of areas guessed by the name of their layer, which no attribute confirms";
 /// Kind of the problem that areas have heights, but the name of their layer tells another kind.
 pub const KIND_AGAINST_NAME: &str = "areas with heights taken as buildings, against the name of their layer";

@@ -103,14 +103,7 @@ pub fn in_declared_encoding<'a>(
     label: &str,
     mut inner: Box<dyn BufRead + 'a>,
 ) -> Result<Box<dyn BufRead + 'a>, InputError> {
-    let mut head = Vec::new();
-    let read = inner.by_ref().take(DECLARATION_BYTES).read_to_end(&mut head);
-    read.map_err(|cause| InputError::io(label, cause))?;
-    let encoding = match declared_encoding(&head) {
-        Some(name) => Encoding::for_label(name.as_bytes())
-            .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
-        None => UTF_8,
-    };
+    let (head, encoding) = read_declaration(label, &mut inner)?;
     let whole = Cursor::new(head).chain(inner);
     // UTF-16 is UTF-8 already where a file is opened, whatever it declares.
     match encoding == UTF_8 || !encoding.is_ascii_compatible() {
@@ -119,8 +112,22 @@ pub fn in_declared_encoding<'a>(
     }
 }
 
+/// The first bytes of an XML file, and the encoding that it declares there: UTF-8 without a declaration. Fails if they cannot be read, or
+/// the encoding is not known.
+pub fn read_declaration(label: &str, inner: &mut dyn BufRead) -> Result<(Vec<u8>, &'static Encoding), InputError> {
+    let mut head = Vec::new();
+    let read = inner.take(DECLARATION_BYTES).read_to_end(&mut head);
+    read.map_err(|cause| InputError::io(label, cause))?;
+    let encoding = match declared_encoding(&head) {
+        Some(name) => Encoding::for_label(name.as_bytes())
+            .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
+        None => UTF_8,
+    };
+    Ok((head, encoding))
+}
+
 /// The encoding that `<?xml ... encoding="..."?>` names.
-pub fn declared_encoding(head: &[u8]) -> Option<String> {
+fn declared_encoding(head: &[u8]) -> Option<String> {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     if !head.starts_with(b"<?xml") {
         return None;

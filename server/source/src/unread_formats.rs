@@ -149,7 +149,7 @@ pub fn refusal(path: &str) -> InputError {
     }
 }
 
-/// As [`refusal`], of a file whose content may tell what it is, where its name does not.
+/// The same as [`refusal`], by the content of a file whose name tells nothing.
 pub fn refusal_of_file(path: &Path) -> InputError {
     let label = path.display().to_string();
     let mut start = Vec::new();

@@ -284,7 +284,7 @@ impl Change {
         if after.changes_from(surface).is_none() {
             return Err(proposal.wrong(match self.added.is_empty() {
                 true => "it changes nothing: no building passes its filters, and nothing stands in its polygons",
-                false => "it changes nothing: what it adds lies below what stands there, or outside of the area",
+                false => "it changes nothing: the additions lie below existing objects, or outside the area",
             }));
         }
         Ok(after)

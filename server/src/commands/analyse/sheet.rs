@@ -155,7 +155,7 @@ impl Colors {
             Analysis::Sky => "share of the sky",
             Analysis::Solar => "kWh/m2 a year",
             Analysis::Shadow => "shadow: 1 is new",
-            Analysis::View => "what is seen: 1 is new",
+            Analysis::View => "visibility: 1 is newly visible",
         };
         Self { title: format!("change in {word}"), range: Some([-most, most]), stops: CHANGES.to_vec(), word: "" }
     }

@@ -224,7 +224,7 @@ impl<'a> BakeSteps<'a> {
         Ok(job)
     }
 
-    /// The steps of a job whose arguments gave these options. Fails if the settings are others, or if the job reads what is in its store.
+    /// Opens the steps of a job with the options of its arguments. Fails if the settings differ, or if an input lies in the job's own store.
     pub fn open(
         store: &'a dyn WorkStore,
         job: Job,

@@ -315,7 +315,7 @@ mod tests {
         fs::write(&path, "mine!").unwrap();
         let refused = store.put("city/a", b"third".to_vec()).unwrap_err().to_string();
         assert!(refused.contains("city/a") && fs::read(&path).unwrap() == b"mine!", "{refused}");
-        // A step that was killed left what was there before.
+        // A killed step leaves the earlier object in place.
         fs::write(&path, "first").unwrap();
         store.put("city/a", b"third".to_vec()).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"third");

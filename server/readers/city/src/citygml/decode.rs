@@ -2,13 +2,11 @@
 
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
-use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
+use encoding_rs::{UTF_8, UTF_16BE, UTF_16LE};
 
 use insula_source::error::InputError;
-use insula_source::text::{DecodingReader, declared_encoding};
+use insula_source::text::{DecodingReader, read_declaration};
 
-/// The XML declaration is looked for in this many bytes.
-const DECLARATION_BYTES: u64 = 512;
 /// A single tag or text may have this many bytes.
 const MAX_EVENT_BYTES: u64 = 128 << 20;
 
@@ -28,14 +26,7 @@ pub(super) struct TextReader<'a> {
 impl<'a> TextReader<'a> {
     /// Fails if the file cannot be read or declares an unknown encoding.
     pub(super) fn new(label: &str, mut inner: Box<dyn BufRead + 'a>) -> Result<Self, InputError> {
-        let mut head = Vec::new();
-        let read = inner.by_ref().take(DECLARATION_BYTES).read_to_end(&mut head);
-        read.map_err(|cause| InputError::io(label, cause))?;
-        let encoding = match declared_encoding(&head) {
-            Some(name) => Encoding::for_label(name.as_bytes())
-                .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
-            None => UTF_8,
-        };
+        let (head, encoding) = read_declaration(label, &mut inner)?;
         let encoding = match head.get(..2) {
             // The first character of XML, without a mark before it.
             Some(b"<\0") => UTF_16LE,

@@ -104,8 +104,8 @@ pub(super) fn decode(field: &[u8], charset: Option<Charset>) -> String {
     }
 }
 
-/// Whether a text is hardly in Windows-1252, in which it is read for want of another encoding: languages that have it write no four
-/// letters beyond ASCII in a row.
+/// Whether a text that is read as Windows-1252, by default, is probably in another encoding. No language of that encoding has four letters
+/// beyond ASCII in a row.
 pub(super) fn is_odd(field: &[u8], charset: Option<Charset>) -> bool {
     let is_guess = charset.is_none_or(|charset| charset == Charset::Known(encoding_rs::WINDOWS_1252));
     is_guess
