@@ -74,13 +74,8 @@ impl CityView {
             self.report_measure();
             return true;
         }
-        let panels = [
-            &mut self.search.is_open,
-            &mut self.bookmark_panel.is_open,
-            &mut self.stones.is_open,
-            &mut self.display.shows_sliders,
-            &mut self.display.shows_map,
-        ];
+        // The sliders and the map are there from the start: O and N hide them.
+        let panels = [&mut self.search.is_open, &mut self.bookmark_panel.is_open, &mut self.stones.is_open];
         if panels.into_iter().any(std::mem::take) || self.styles.close() {
             return true;
         }

@@ -187,13 +187,13 @@ impl Colors {
             None => (vec![entry(first, self.word.to_owned())], None),
             Some([low, high]) => {
                 let digits = if high >= 100.0 { 0 } else { 2 };
-                // Of a change, the ends have what lies beyond them, too.
-                let end = |value: f64| match low < 0.0 {
-                    true if value == low => "≤ ",
-                    true if value == high => "≥ ",
+                // Of a change, the ends have what lies beyond them, too. The letters of a PDF are Latin.
+                let sign = |value: f64| match low < 0.0 {
+                    true if value == low => "<=",
+                    true if value == high => ">=",
                     _ => "",
                 };
-                let label = |value: f64| format!("{}{}", end(value), fixed(value, digits));
+                let label = |value: f64| format!("{}{}", sign(value), fixed(value, digits));
                 let ends =
                     [low, 0.5 * (low + high), high].map(|value| entry(self.of_value(value as f32).0, label(value)));
                 let none = LegendEntry { rgb: [255; 3], label: "no value".to_owned() };
@@ -215,6 +215,9 @@ mod tests {
         assert_eq!((hours.of_value(1.0), hours.of_value(f32::NAN).1), ((STOPS[1], OPACITY), 0));
         let labels: Vec<String> = hours.legend().entries.into_iter().map(|entry| entry.label).collect();
         assert_eq!(labels, ["0.00", "4.00", "8.00", "no value"]);
+        let change = Colors { range: Some([-2.0, 2.0]), ..hours };
+        let labels: Vec<String> = change.legend().entries.into_iter().map(|entry| entry.label).collect();
+        assert_eq!(labels, ["<=-2.00", "0.00", ">=2.00", "no value"]);
         let seen = Colors { title: String::new(), range: None, stops: vec![SEEN], word: "seen" };
         assert_eq!([seen.of_value(1.0).1, seen.of_value(0.0).1], [OPACITY, 0]);
         assert_eq!(seen.legend().entries.len(), 1);
