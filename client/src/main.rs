@@ -23,12 +23,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// Without a desktop, a library of the drivers complains on standard error, for each adapter, that this variable has no folder. It finds no
-/// desktop in any folder either.
+/// Without a desktop, a library of the drivers complains on standard error, for each adapter, that this variable has no folder. Below a file
+/// it finds no desktop either. In a folder that all can write to, somebody else could pretend to be one.
 fn silence_wayland() {
     const RUNTIME: &str = "XDG_RUNTIME_DIR";
-    if std::env::var_os(RUNTIME).is_none() {
+    if cfg!(target_os = "linux") && std::env::var_os(RUNTIME).is_none() {
         // SAFETY: no other thread runs yet.
-        unsafe { std::env::set_var(RUNTIME, std::env::temp_dir()) };
+        unsafe { std::env::set_var(RUNTIME, "/dev/null") };
     }
 }
