@@ -1,5 +1,6 @@
 //! HTTP clients. A server may be hostile, so it cannot send this machine elsewhere.
 
+use crate::private_network::{GuardedNames, SystemNames};
 use insula_protocol::route::{host_of, is_same_host};
 use reqwest::{ClientBuilder, redirect::Policy};
 use std::error::Error;
@@ -41,7 +42,7 @@ pub enum Elsewhere {
 }
 
 /// The beginning of every client of both programs. More than 5 redirects are an error. No host learns from where it is
-/// asked: addresses may have share links or signatures.
+/// asked: addresses may have share links or signatures. A host of the internet does not become one of the private network.
 pub fn client(redirects: Redirects, elsewhere: Elsewhere) -> ClientBuilder {
     super::tls::choose_cryptography();
     let policy = Policy::custom(move |attempt| {
@@ -55,7 +56,7 @@ pub fn client(redirects: Redirects, elsewhere: Elsewhere) -> ClientBuilder {
             Elsewhere::Error => attempt.error("it redirects to another host"),
         }
     });
-    reqwest::Client::builder().referer(false).redirect(policy)
+    reqwest::Client::builder().referer(false).redirect(policy).dns_resolver(GuardedNames::new(SystemNames))
 }
 
 /// The innermost cause of an error, which is the most specific one ("connection refused", "too many redirects").

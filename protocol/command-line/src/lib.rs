@@ -6,6 +6,7 @@ pub mod http;
 pub mod log;
 mod markdown;
 pub mod output;
+mod private_network;
 pub mod tls;
 
 use clap::{Command, CommandFactory, Parser, Subcommand, error::ErrorKind};
