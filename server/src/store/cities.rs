@@ -1,10 +1,10 @@
 //! A set of cities from folders, object stores and web servers.
 
-use super::{city::CityStore, error::StoreError, remote::RemoteCity, requests::StoreMetrics};
-use insula_archive::city::MANIFEST_FILE;
+use super::{
+    city::CityStore, error::StoreError, folder_reads::FolderReads, remote::RemoteCity, requests::StoreMetrics,
+};
 use std::{
     collections::BTreeMap,
-    io,
     ops::Bound,
     path::{Path, PathBuf},
     sync::Arc,
@@ -41,6 +41,7 @@ pub struct StoreReload {
 #[derive(Debug, Default, Clone)]
 pub struct Store {
     pub(super) folders: Vec<PathBuf>,
+    pub(super) reads: Arc<FolderReads>,
     pub(super) remotes: Vec<RemoteCity>,
     pub(super) metrics: Option<StoreMetrics>,
     pub(super) cities: BTreeMap<String, CityVersions>,
@@ -110,41 +111,27 @@ impl Store {
 }
 
 /// The cities of a folder.
+#[derive(Debug, Default)]
 pub(super) struct CityFolders {
     /// The folder itself if it is a city, else the cities directly inside it, by name.
     pub(super) cities: Vec<PathBuf>,
-    /// Folders that may be cities but cannot be looked at.
-    pub(super) unreadable: Vec<(PathBuf, io::Error)>,
+    /// Folders that may be cities but cannot be looked at, and why.
+    pub(super) unreadable: Vec<(PathBuf, StoreError)>,
 }
 
 /// Looks for cities in a folder. Fails if it cannot be read.
-pub(super) fn city_folders(folder: &Path) -> Result<CityFolders, StoreError> {
-    let io_error = |source| StoreError::Io { path: folder.to_owned(), source };
-    if folder.is_file() {
-        return Err(StoreError::NotAFolder(folder.to_owned()));
-    }
-    let mut found = CityFolders { cities: Vec::new(), unreadable: Vec::new() };
-    if has_manifest(folder).map_err(io_error)? {
+pub(super) fn city_folders(folder: &Path, reads: &FolderReads) -> Result<CityFolders, StoreError> {
+    let mut found = CityFolders::default();
+    if reads.has_manifest(folder)? {
         found.cities.push(folder.to_owned());
         return Ok(found);
     }
-    for entry in std::fs::read_dir(folder).map_err(io_error)? {
-        let path = entry.map_err(io_error)?.path();
-        match has_manifest(&path) {
+    for path in reads.entries(folder)? {
+        match reads.has_manifest(&path) {
             Ok(true) => found.cities.push(path),
             Ok(false) => {}
             Err(error) => found.unreadable.push((path, error)),
         }
     }
-    found.cities.sort();
     Ok(found)
-}
-
-/// Whether a folder has a manifest. Fails if that cannot be known.
-fn has_manifest(folder: &Path) -> io::Result<bool> {
-    match std::fs::metadata(folder.join(MANIFEST_FILE)) {
-        Ok(metadata) => Ok(metadata.is_file()),
-        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => Ok(false),
-        Err(error) => Err(error),
-    }
 }

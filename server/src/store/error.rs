@@ -8,6 +8,8 @@ use std::path::PathBuf;
 pub enum StoreError {
     #[error("cannot read {}: {source}; check the path", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error("cannot read {}: its file system does not respond; check the disk or the network share", .0.display())]
+    NoResponse(PathBuf),
     #[error("{} is a file, not the folder of a city; make a city of it with `insula-server bake`", .0.display())]
     NotAFolder(PathBuf),
     #[error("no city in {}: neither it nor a folder in it contains city.json; make a city with `insula-server bake`", .0.display())]

@@ -10,6 +10,7 @@ mod city;
 mod error;
 #[cfg(feature = "bake")]
 mod export_source;
+mod folder_reads;
 mod objects;
 mod reload;
 mod remote;

@@ -84,7 +84,7 @@ impl Store {
         let mut checked: BTreeMap<PathBuf, Option<String>> = BTreeMap::new();
         let has_known = |folder: &PathBuf| known.keys().any(|at| at.starts_with(folder));
         for folder in &self.folders {
-            match city_folders(folder) {
+            match city_folders(folder, &self.reads) {
                 Ok(CityFolders { cities, unreadable }) => {
                     if cities.is_empty() && !has_known(folder) {
                         reload.failures.push(StoreError::NoCity(folder.clone()));
@@ -101,9 +101,9 @@ impl Store {
                         checked.insert(city, name);
                     }
                     // A city that cannot be looked at stays open.
-                    for (path, source) in unreadable {
+                    for (path, error) in unreadable {
                         seen.extend(known.get(&path).cloned());
-                        reload.failures.push(StoreError::Io { path, source });
+                        reload.failures.push(error);
                     }
                 }
                 // The folder is gone, and its cities with it. `bake` replaces a city by two renames, so that is no failure yet.
@@ -143,15 +143,10 @@ impl StoreReload {
 
     /// Opens the city in a folder if it has changed. `known` is the city that was opened from there. Returns the city that exists.
     fn check_folder(&mut self, folder: &Path, known: Option<&String>, retention: RetentionPolicy) -> Option<String> {
-        let is_unchanged = |name: &String| {
-            let city = self.store.city(name);
-            city.is_some_and(|city| CityStamp::of(folder).is_ok_and(|stamp| stamp == *city.stamp()))
-        };
-        if known.is_some_and(is_unchanged) {
-            return known.cloned();
-        }
-        match CityStore::open(folder) {
-            Ok(city) => {
+        let stamp = known.and_then(|name| self.store.city(name)).map(|city| city.stamp().clone());
+        match self.store.reads.changed_city(folder, stamp) {
+            Ok(None) => known.cloned(),
+            Ok(Some(city)) => {
                 let name = city.manifest().name.clone();
                 self.replace(name.clone(), city, retention).then_some(name)
             }
@@ -204,5 +199,29 @@ impl StoreReload {
             versions.older.retain(|(_, replaced)| replaced.elapsed() < retention.time);
             self.closed += before - versions.older.len();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::small_city;
+
+    #[test]
+    fn a_start_serves_the_others_while_a_disk_hangs() {
+        let root = tempfile::tempdir().unwrap();
+        let [good, hung] = ["good", "hung"].map(|name| root.path().join(name));
+        small_city::write_city(&good, "good");
+        small_city::write_city(&hung, "hung");
+        let store = Store { folders: vec![root.path().to_owned()], ..Store::default() };
+        let end = store.reads.hang(&hung);
+        let (started, _) = store.check_folders(RetentionPolicy::default());
+        let names = |store: &Store| store.cities().map(|city| city.manifest().name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&started.store), ["good"]);
+        assert!(matches!(&started.failures[..], [StoreError::NoResponse(folder)] if *folder == hung));
+        end.send(CityStore::open(&hung).map(Some)).unwrap();
+        let (next, _) = started.store.check_folders(RetentionPolicy::default());
+        assert_eq!(names(&next.store), ["good", "hung"]);
+        assert!(next.failures.is_empty(), "{:?}", next.failures);
     }
 }
