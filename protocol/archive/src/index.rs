@@ -13,18 +13,12 @@ use crate::{
 use bytes::Bytes;
 use futures_util::FutureExt as _;
 use insula_protocol::TileId;
-use std::{
-    collections::HashSet,
-    ops::Range,
-    sync::{Arc, Mutex, PoisonError},
-    time::Instant,
-    vec,
-};
+use std::{collections::HashSet, ops::Range, sync::Arc, time::Instant, vec};
 
 /// An archive whose directories have been checked: every tile lies inside the file.
 ///
-/// The root directory stays in memory, and the most recently used leaf directories, so memory does not follow the number of tiles. What
-/// is read again is checked again.
+/// The root directory stays in memory, and the most recently used leaf directories of all archives, so memory does not follow the number
+/// of tiles. What is read again is checked again.
 #[derive(Debug)]
 pub struct Archive {
     source: SharedSource,
@@ -32,7 +26,7 @@ pub struct Archive {
     header: ArchiveHeader,
     root: Arc<Vec<DirectoryEntry>>,
     /// Callers do not share fetches as in `LazyArchive`: one that reads a file must not depend on another that waits.
-    leaves: Mutex<ResidentDirectories<Vec<DirectoryEntry>>>,
+    leaves: ResidentDirectories,
     facts: ArchiveFacts,
 }
 
@@ -68,8 +62,8 @@ impl Archive {
         let mut check = DirectoryCheck::new(source.clone(), &header, DirectoryBudget::of_archive(length), deadline);
         let root = Arc::new(header.unpack(&packed, &mut check.budget)?);
         check.run(Vec::clone(&root)).await?;
-        let facts = check.facts;
-        Ok(Self { source, length, header, root, leaves: Mutex::new(ResidentDirectories::new()), facts })
+        let (facts, leaves) = (check.facts, ResidentDirectories::with_root(root.len()));
+        Ok(Self { source, length, header, root, leaves, facts })
     }
 
     /// Where the bytes of a tile are. `None` if there is no such tile. Fails if a directory cannot be read.
@@ -87,13 +81,12 @@ impl Archive {
     }
 
     async fn leaf(&self, bytes: Range<u64>) -> Result<Arc<Vec<DirectoryEntry>>, ReadError> {
-        let leaves = || self.leaves.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(directory) = leaves().get(bytes.start) {
+        if let Some(directory) = self.leaves.get(bytes.start) {
             return Ok(directory);
         }
         let packed = read_exactly(&self.source, bytes.clone()).await?;
         let directory = Arc::new(self.header.unpack(&packed, &mut DirectoryBudget::of_one())?);
-        leaves().put(bytes.start, Arc::clone(&directory), directory.len());
+        self.leaves.put(bytes.start, Arc::clone(&directory), directory.len());
         Ok(directory)
     }
 

@@ -52,7 +52,7 @@ type DirectoryResult = Result<Arc<ArchiveDirectory>, ArchiveError>;
 #[derive(Debug)]
 struct DirectoryCache {
     /// The root's position counts as 0.
-    resident: ResidentDirectories<ArchiveDirectory>,
+    resident: ResidentDirectories,
     /// Only the callers own a fetch: it ends when the last of them gives up.
     pending: HashMap<u64, WeakShared<BoxFuture<'static, DirectoryResult>>>,
 }

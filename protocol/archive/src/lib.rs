@@ -29,7 +29,7 @@ pub mod open_files;
 pub mod owned;
 #[cfg(feature = "fs")]
 pub mod places;
-mod resident_directories;
+pub mod resident_directories;
 pub mod source;
 #[cfg(test)]
 mod test_support;

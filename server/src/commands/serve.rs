@@ -7,7 +7,7 @@ use crate::{
     http::HttpServer,
     store::Store,
 };
-use insula_archive::open_files::set_most_open_files;
+use insula_archive::{open_files::set_most_open_files, resident_directories::set_most_directory_bytes};
 use insula_command_line::log;
 use std::sync::Arc;
 use tokio::{net::TcpListener, sync::Notify};
@@ -41,6 +41,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         let signals = ShutdownSignals::register().map_err(system_error("register signal handlers"))?;
         let opened = Store::start(&args.cities, &config.cache).await?;
         let store = if args.strict { opened.complete() } else { opened.usable() }?;
+        set_most_directory_bytes(config.directory_bytes(store.metrics().is_some()));
         let listen_error = |source| CommandError::Listen { address: config.listen.clone(), source };
         let listener = TcpListener::bind(&config.listen).await.map_err(listen_error)?;
         let address = listener.local_addr().map_err(listen_error)?;

@@ -63,7 +63,7 @@ pub struct LimitsConfig {
     pub client_in_flight: usize,
     /// Bytes of responses in flight per client address; 0 for three quarters of `in_flight_bytes`.
     pub client_in_flight_bytes: usize,
-    /// Bytes of all caches together: of tiles, of blocks of remote cities, of search indexes and made files.
+    /// Bytes of all caches together: of tiles, of blocks of remote cities, of directories of archives, of search indexes and made files.
     pub cache_bytes: usize,
     /// Size of the tile caches of all threads together, a part of `cache_bytes`.
     pub tile_bytes: usize,
@@ -240,6 +240,15 @@ impl ServeConfig {
 
     /// Bytes for search indexes and made files: what other caches leave of `limits.cache_bytes`.
     pub(crate) fn computed_bytes(&self, has_remote_cities: bool) -> usize {
+        self.spare_bytes(has_remote_cities) - self.directory_bytes(has_remote_cities)
+    }
+
+    /// Bytes for directories of archives: an eighth of what tiles and remote blocks leave of `limits.cache_bytes`.
+    pub(crate) fn directory_bytes(&self, has_remote_cities: bool) -> usize {
+        self.spare_bytes(has_remote_cities) / 8
+    }
+
+    fn spare_bytes(&self, has_remote_cities: bool) -> usize {
         let blocks = if has_remote_cities { self.cache.memory_bytes as usize } else { 0 };
         self.limits.cache_bytes.saturating_sub(self.limits.tile_bytes).saturating_sub(blocks)
     }

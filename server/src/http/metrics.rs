@@ -3,7 +3,7 @@
 //! Routes and status codes are fixed sets, so that clients cannot create labels. Each server has its own registry.
 
 use crate::store::StoreMetrics;
-use insula_archive::ReadError;
+use insula_archive::{ReadError, resident_directories::directory_bytes};
 use insula_protocol::route::RouteTemplate;
 use prometheus_client::{
     encoding::{EncodeLabelSet, text::encode},
@@ -138,7 +138,7 @@ impl HttpMetrics {
         to.register("cities", "Open cities", self.cities.clone());
         let help = "Cities and folders that could not be opened at the last check";
         to.register("cities_failed", help, self.failed_cities.clone());
-        let help = "Bytes in caches: tiles, and what was computed (search indexes, files of tilesets)";
+        let help = "Bytes in caches: tiles, directories of archives, and what was computed (search indexes, files of tilesets)";
         to.register("cached_bytes", help, self.cached_bytes.clone());
         to.register("cache_limit_bytes", "Bytes that all caches may have together", self.cache_limit.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
@@ -225,6 +225,7 @@ impl HttpMetrics {
         self.failed_cities.set(now.failed_cities as i64);
         self.older_versions.set(now.older_versions as i64);
         self.cached_bytes.get_or_create(&KindLabels { kind: "computed" }).set(now.computed_bytes as i64);
+        self.cached_bytes.get_or_create(&KindLabels { kind: "directories" }).set(directory_bytes() as i64);
         let mut out = String::new();
         // Writing to a `String` cannot fail.
         let _ = encode(&mut out, &self.registry);
