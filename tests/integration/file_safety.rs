@@ -20,6 +20,7 @@ pub(crate) fn add(trials: &mut Trials) {
         every_path_of_the_command_lines_has_a_case,
         each_output_is_one_of_the_random_commands,
         outputs_replace_only_earlier_outputs,
+        outputs_that_cannot_be_written_are_refused_before_the_work,
         folders_are_written_outside_of_kept_ones,
         folders_that_are_read_stay_as_they_are,
         addresses_without_an_answer_are_errors_that_show_no_password
@@ -410,6 +411,24 @@ fn outputs_replace_only_earlier_outputs() {
             assert!(!place.run(&with("p.png")).status.success(), "{what}: two outputs of one name");
             assert!(tree(place.0.path()) == before, "{what}: two outputs of one name");
         }
+    }
+}
+
+/// Nothing is written, not even another output, if the folder of an output does not exist or is none.
+fn outputs_that_cannot_be_written_are_refused_before_the_work() {
+    let place = Workplace::new();
+    let before = tree(place.0.path());
+    let lines = CASES.iter().flat_map(|(.., kind)| match kind {
+        Writes(line, end) => vec![(line, format!("none/new{end}")), (line, format!("a.off/new{end}"))],
+        WritesFolder(line) => vec![(line, "a.off/new".to_owned())],
+        _ => Vec::new(),
+    });
+    for (line, path) in lines {
+        let output = place.run(&line.replace("{}", &path));
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(matches!(output.status.code(), Some(1..=3)), "{line} to {path}: {:?} {text}", output.status);
+        assert!(text.lines().last().is_some_and(|line| line.starts_with("error: ")), "{line} to {path}: {text}");
+        assert!(tree(place.0.path()) == before, "{line} to {path} changed files: {text}");
     }
 }
 

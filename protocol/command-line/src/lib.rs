@@ -183,7 +183,7 @@ fn write_man_pages(command: Command, out: &Path) -> io::Result<()> {
     clap_mangen::generate_to(command, made.path())?;
     let mut pages: Vec<_> = fs::read_dir(made.path())?.collect::<io::Result<_>>()?;
     pages.sort_by_key(fs::DirEntry::file_name);
-    let mut outputs = Outputs::default();
+    let mut outputs = Outputs::default().creating(out);
     for page in &pages {
         let refused = |reason| io::Error::new(io::ErrorKind::AlreadyExists, reason);
         outputs.file(&out.join(page.file_name()), FileKind::MAN_PAGE).map_err(refused)?;

@@ -2,6 +2,7 @@
 
 use insula_archive::{
     file::open_regular,
+    new_file::NewFile,
     places::{KeptFolder, canonical, kept_folder, kept_folder_above},
 };
 use serde_json::Value;
@@ -165,6 +166,8 @@ fn has_members(json: &Value, members: &[&str]) -> bool {
 pub struct Outputs {
     inputs: Vec<PathBuf>,
     outputs: Vec<PathBuf>,
+    /// Folders that the command creates before it writes the files.
+    created: Vec<PathBuf>,
     may_overwrite: bool,
 }
 
@@ -181,9 +184,17 @@ impl Outputs {
         self
     }
 
+    /// Adds a folder that the command creates, with those above it, before it writes files.
+    #[must_use]
+    pub fn creating(mut self, folder: &Path) -> Self {
+        self.created.push(canonical(folder));
+        self
+    }
+
     /// Adds a file that the command writes. Fails, with what to do, if it is an input or another output, lies in a city, a site or a work
-    /// store, is a link to nothing, or exists and is of another kind or write-protected. A file of another kind that may belong to an input,
-    /// such as its materials, is not replaced in any case. Nothing is written yet.
+    /// store, is a link to nothing, or exists and is of another kind or write-protected, or if its folder does not exist or cannot be
+    /// written to. A file of another kind that may belong to an input, such as its materials, is not replaced in any case. Nothing is
+    /// written yet.
     pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
         let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
         if path.as_os_str() == "-" {
@@ -219,11 +230,19 @@ impl Outputs {
         if found.is_some_and(|found| found.permissions().readonly()) && !self.may_overwrite {
             return refuse("it is write-protected; give another name, or --overwrite".to_owned());
         }
+        let place = canonical(path);
+        match place.parent().filter(|folder| !folder.exists()) {
+            None => try_file(path)?,
+            Some(folder) if self.created.iter().any(|created| created.starts_with(folder)) => try_folder(folder)?,
+            Some(folder) => {
+                return refuse(format!("there is no folder {}; create it, or give another name", folder.display()));
+            }
+        }
         self.take(path)
     }
 
     /// Adds a folder that the command writes files into. Fails as [`Self::file`], if it is or contains an input, if the programs keep it for
-    /// anything but `own`, or if it has files and `is_own` does not know it.
+    /// anything but `own`, if it has files and `is_own` does not know it, or if it cannot be written to.
     pub fn folder(
         &mut self,
         path: &Path,
@@ -256,6 +275,8 @@ impl Outputs {
             }
             Err(_) => {}
         }
+        // A folder that the programs keep is replaced by another.
+        try_folder(place.parent().filter(|_| own.is_some()).unwrap_or(&place))?;
         self.take(path)
     }
 
@@ -277,6 +298,18 @@ impl Outputs {
         self.outputs.push(path.to_owned());
         Ok(())
     }
+}
+
+/// Fails if the file cannot be created. After the work, that would lose it.
+fn try_file(path: &Path) -> Result<(), String> {
+    let refuse = |error| format!("{}: it cannot be written: {error}; give another name", path.display());
+    NewFile::create(path).map(drop).map_err(refuse)
+}
+
+/// Fails if no file can be created in the folder, or in the innermost one above it that exists.
+fn try_folder(folder: &Path) -> Result<(), String> {
+    let existing = folder.ancestors().find(|folder| folder.exists()).unwrap_or(folder);
+    try_file(&existing.join(".insula-output"))
 }
 
 /// Whether output is read by somebody, or dropped, as it is written.
@@ -403,6 +436,22 @@ mod tests {
             assert!(check("b.ply", false).unwrap_err().contains("write-protected") && check("b.ply", true).is_ok());
             assert!(check("/dev/null", false).is_ok());
         }
+    }
+
+    #[test]
+    fn outputs_that_cannot_be_written_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("a"), "dear").unwrap();
+        let file = |name: &str| Outputs::default().creating(&path("new/city")).file(&path(name), FileKind::PLY);
+        assert!(file("none/b.ply").unwrap_err().contains("there is no folder"));
+        assert!(file("a/b.ply").is_err(), "below a file");
+        file("b.ply").unwrap();
+        file("new/b.ply").unwrap();
+        let check = |name: &str| Outputs::default().folder(&path(name), None, |_| true);
+        assert!(check("a/b").is_err());
+        check("none/b").unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing stays");
     }
 
     #[test]

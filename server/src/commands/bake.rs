@@ -4,7 +4,7 @@ use super::{
     addresses::Addresses,
     bake_progress::BakeProgress,
     error::CommandError,
-    output::{check_output, print_result, write},
+    output::{print_result, write},
 };
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
@@ -20,7 +20,7 @@ use insula_bake::{
     },
     sample::{SampleSettings, VisibilityBackend},
 };
-use insula_command_line::output::FileKind;
+use insula_command_line::output::{FileKind, Outputs};
 use insula_objects::schema::Labels;
 use insula_protocol::{
     manifest::Attribution,
@@ -112,7 +112,8 @@ fn check_report(report: &Path, args: &BakeArgs, options: &BakeOptions) -> Result
             return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
         }
     }
-    check_output(report, REPORT, options.read_paths(), args.overwrite)
+    let mut outputs = Outputs::new(args.overwrite).reading(options.read_paths()).creating(&args.out);
+    outputs.file(report, REPORT).map_err(CommandError::Usage)
 }
 
 /// The kinds of these names. Fails with the names that exist if one does not.
