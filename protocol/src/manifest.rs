@@ -74,6 +74,16 @@ pub struct Manifest {
     /// Whether the city has visibility tiles. Older manifests do not have the field.
     #[serde(default)]
     pub street_sets: bool,
+    /// By what its other files are known as those of its bake; `None` in older manifests, whose files may have no marks.
+    #[serde(default)]
+    pub marks: Option<CityMarks>,
+}
+
+/// What tells the files of a city from those of other bakes. Each archive has the mark of the version besides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CityMarks {
+    /// Checksum of the search index; `None` if the city has none.
+    pub search_index: Option<u32>,
 }
 
 /// What the heights of a city are measured from.
@@ -307,6 +317,7 @@ mod tests {
             heights: None,
             stones: Vec::new(),
             street_sets: false,
+            marks: None,
         }
     }
 

@@ -4,7 +4,7 @@ use super::{
     fetch::Http,
     jitter::jitter,
     location::{CityLocation, page_of},
-    source::{disk::CachedCity, folder, searchable},
+    source::{disk::CachedCity, searchable},
 };
 use crate::error::{ClientError, ListedCity, Result};
 use bytes::Bytes;
@@ -82,7 +82,7 @@ impl CityOpener<'_> {
     fn local_folder(&self, path: &Path) -> Result<OpenedCity> {
         let manifest = read_manifest(path).map_err(|error| ClientError::Failed(error.to_string()))?;
         self.check_name(&manifest)?;
-        let source = searchable::in_folder(folder::open(path, &manifest.version, self.http), path, self.http);
+        let source = searchable::in_folder(path, &manifest, self.http);
         Ok(OpenedCity { address: String::new(), manifest, source: Arc::new(source) })
     }
 
@@ -98,7 +98,7 @@ impl CityOpener<'_> {
         };
         let manifest = read_fetched(&url, &json)?;
         self.check_name(&manifest)?;
-        let source = Arc::new(web_folder::open(base, &manifest.version, &self.transport()));
+        let source = Arc::new(web_folder::open(base, &manifest, &self.transport()));
         Ok(self.with_disk_cache(format!("{base}/"), manifest, source))
     }
 

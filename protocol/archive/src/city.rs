@@ -56,7 +56,7 @@ impl BakedCity {
             let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
             let refuse = |source| Err(CityError::Archive { location: city.path_of(kind.file_name()), source });
             let damage = |what| refuse(ArchiveError::Directory(what));
-            if !archive.is_of_version(&city.manifest.version) {
+            if !archive.is_of(&city.manifest) {
                 return refuse(ArchiveError::OtherVersion);
             }
             if kind != TileKind::Objects && archive.deepest_level() > city.manifest.depth + extra_levels {

@@ -6,13 +6,13 @@ use crate::{
         ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id,
         tile_number,
     },
-    mark,
+    mark::ExpectedMark,
     resident_directories::ResidentDirectories,
     source::{SharedSource, read_exactly},
 };
 use bytes::Bytes;
 use futures_util::FutureExt as _;
-use insula_protocol::TileId;
+use insula_protocol::{Manifest, TileId};
 use std::{collections::HashSet, ops::Range, sync::Arc, time::Instant, vec};
 
 /// An archive whose directories have been checked: every tile lies inside the file.
@@ -154,9 +154,9 @@ impl Archive {
         Ok(self.header.unpack(&packed, &mut DirectoryBudget::of_one())?)
     }
 
-    /// Whether the archive can be of this version of a city: it carries it, or none.
-    pub fn is_of_version(&self, version: &str) -> bool {
-        mark::is_of(self.header.mark, version)
+    /// Whether the archive can be of this bake of a city: it has its mark, or none, as archives of earlier bakes.
+    pub fn is_of(&self, manifest: &Manifest) -> bool {
+        ExpectedMark::of(manifest).accepts(self.header.mark)
     }
 
     /// The deepest level that has a tile.

@@ -4,7 +4,7 @@ use crate::{
     ArchiveError,
     directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
     limits::max_tile_bytes,
-    mark,
+    mark::ExpectedMark,
     resident_directories::ResidentDirectories,
     source::{BoxFuture, SharedSource, read_exactly},
 };
@@ -13,7 +13,7 @@ use futures_util::{
     FutureExt as _,
     future::{WeakShared, try_join_all},
 };
-use insula_protocol::{TileId, TileKind};
+use insula_protocol::{Manifest, TileId, TileKind};
 use std::{
     collections::HashMap,
     ops::Range,
@@ -35,8 +35,8 @@ const MAX_RUN_BYTES: u64 = 256 << 10;
 pub struct LazyArchive {
     source: SharedSource,
     max_tile_bytes: usize,
-    /// Version of the city; `None` for any.
-    version: Option<Arc<str>>,
+    /// `None` for any.
+    mark: Option<ExpectedMark>,
     cache: Arc<Mutex<DirectoryCache>>,
 }
 
@@ -61,13 +61,13 @@ impl LazyArchive {
     /// Reads nothing yet. Tiles of more than `max_tile_bytes` will not be read.
     pub fn new(source: SharedSource, max_tile_bytes: usize) -> Self {
         let cache = DirectoryCache { resident: ResidentDirectories::new(), pending: HashMap::new() };
-        Self { source, max_tile_bytes, version: None, cache: Arc::new(Mutex::new(cache)) }
+        Self { source, max_tile_bytes, mark: None, cache: Arc::new(Mutex::new(cache)) }
     }
 
-    /// The same for an archive of this version of a city: reads of another one fail with [`ArchiveError::OtherVersion`].
+    /// The same for an archive of the city of this manifest: reads of another one fail with [`ArchiveError::OtherVersion`].
     #[must_use]
-    pub fn of_version(self, version: Arc<str>) -> Self {
-        Self { version: Some(version), ..self }
+    pub fn of_city(self, manifest: &Manifest) -> Self {
+        Self { mark: Some(ExpectedMark::of(manifest)), ..self }
     }
 
     /// Reads a tile, unchecked. `None` if there is no such tile. Fails without reading if it is too long.
@@ -101,8 +101,8 @@ impl LazyArchive {
     }
 
     async fn find(&self, number: u64) -> Result<Option<Range<u64>>, ArchiveError> {
-        let (source, version) = (self.source.clone(), self.version.clone());
-        let mut directory = self.directory(0, || Box::pin(load_root(source, version))).await?;
+        let (source, mark) = (self.source.clone(), self.mark);
+        let mut directory = self.directory(0, || Box::pin(load_root(source, mark))).await?;
         for _ in 0..=MAX_LEAF_DEPTH {
             match find(&directory.entries, number) {
                 None => return Ok(None),
@@ -182,10 +182,10 @@ fn lock(cache: &Mutex<DirectoryCache>) -> MutexGuard<'_, DirectoryCache> {
     cache.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-async fn load_root(source: SharedSource, version: Option<Arc<str>>) -> Result<ArchiveDirectory, ArchiveError> {
+async fn load_root(source: SharedSource, mark: Option<ExpectedMark>) -> Result<ArchiveDirectory, ArchiveError> {
     let first = source.read(0..FIRST_READ_BYTES).bytes().await?;
     let header = ArchiveHeader::read(&first, source.length())?;
-    if version.is_some_and(|version| !mark::is_of(header.mark, &version)) {
+    if mark.is_some_and(|mark| !mark.accepts(header.mark)) {
         return Err(ArchiveError::OtherVersion);
     }
     let root = header.root.clone();
@@ -214,10 +214,9 @@ pub struct LazyCity {
 }
 
 impl LazyCity {
-    /// The city of a manifest with this version. `open` returns the source of each archive.
-    pub fn new(version: &str, open: impl Fn(TileKind) -> SharedSource) -> Self {
-        let version: Arc<str> = version.into();
-        let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind)).of_version(version.clone());
+    /// The city of a manifest. `open` returns the source of each archive.
+    pub fn new(manifest: &Manifest, open: impl Fn(TileKind) -> SharedSource) -> Self {
+        let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind)).of_city(manifest);
         let [subtrees, blockmaps, meshes, objects, visibility] =
             [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects, TileKind::Visibility]
                 .map(archive);

@@ -2,8 +2,9 @@
 //!
 //! The version is a hash of the archives, so they cannot contain it: the mark is a hash of the version, and the hash of an archive takes it
 //! for zeros. It stands where a PMTiles header has the centre of the map, which means nothing for the nodes of a city, and is a valid
-//! centre. An archive without a mark is of any version.
+//! centre. Archives of earlier bakes, whose manifest says nothing of marks, may have none.
 
+use insula_protocol::Manifest;
 use std::ops::Range;
 
 /// Where the header of an archive has its mark: longitude and latitude of the centre, in 10^-7 degrees.
@@ -29,9 +30,22 @@ pub fn mark_of(version: &str) -> [u8; 8] {
     mark
 }
 
-/// Whether an archive with this mark can be of a version.
-pub(crate) fn is_of(mark: [u8; 8], version: &str) -> bool {
-    mark == [0; 8] || mark == mark_of(version)
+/// The mark that the archives of a city have.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ExpectedMark {
+    mark: [u8; 8],
+    may_be_missing: bool,
+}
+
+impl ExpectedMark {
+    pub(crate) fn of(manifest: &Manifest) -> Self {
+        Self { mark: mark_of(&manifest.version), may_be_missing: manifest.marks.is_none() }
+    }
+
+    /// Whether an archive with this mark can be of the city.
+    pub(crate) fn accepts(self, mark: [u8; 8]) -> bool {
+        mark == self.mark || self.may_be_missing && mark == [0; 8]
+    }
 }
 
 /// Marks an archive file as of a version, and synchronises it. Fails if it cannot be written.
@@ -57,6 +71,10 @@ mod tests {
             let number = |at: usize| i32::from_le_bytes([mark[at], mark[at + 1], mark[at + 2], mark[at + 3]]);
             assert!(number(0).unsigned_abs() <= 1_800_000_000 && number(4).unsigned_abs() <= 900_000_000);
         }
-        assert!(is_of(mark_of("a"), "a") && is_of([0; 8], "a") && !is_of(mark_of("b"), "a"));
+        for may_be_missing in [false, true] {
+            let expected = ExpectedMark { mark: mark_of("a"), may_be_missing };
+            assert!(expected.accepts(mark_of("a")) && !expected.accepts(mark_of("b")));
+            assert_eq!(expected.accepts([0; 8]), may_be_missing);
+        }
     }
 }

@@ -111,10 +111,11 @@ impl CityStore {
         self.search.is_some()
     }
 
-    /// The search index, which is read whole unless someone holds it. Fails if there is none, or it cannot be read or is damaged.
+    /// The search index, which is read whole unless someone holds it. Fails if there is none, or it cannot be read, is damaged or of
+    /// another bake.
     pub fn search_index(&self) -> Result<CityIndex, SearchFileError> {
         let none = || SearchFileError::None { place: self.location().to_owned() };
-        self.search.as_ref().ok_or_else(none)?.index()
+        self.search.as_ref().ok_or_else(none)?.index(self.manifest().marks)
     }
 
     pub(super) fn stamp(&self) -> &CityStamp {

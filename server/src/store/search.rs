@@ -12,6 +12,7 @@ use insula_archive::{
     file_source::FileSource,
 };
 use insula_objects::search::SearchIndex;
+use insula_protocol::manifest::CityMarks;
 use std::{
     io,
     path::Path,
@@ -83,8 +84,8 @@ impl SearchFile {
     }
 
     /// The index. It is read unless someone holds it; other calls wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
-    /// cannot be read, is damaged or too large.
-    pub(super) fn index(&self) -> Result<CityIndex, SearchFileError> {
+    /// cannot be read, is damaged, too large, or of another bake than the manifest with these marks.
+    pub(super) fn index(&self, marks: Option<CityMarks>) -> Result<CityIndex, SearchFileError> {
         let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(index) = content.opened.upgrade() {
             return Ok(index);
@@ -92,7 +93,7 @@ impl SearchFile {
         if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
             return Err(error.clone());
         }
-        match self.read(&content.source) {
+        match self.read(&content.source, marks) {
             Ok(index) => {
                 let index = Arc::new(index);
                 content.opened = Arc::downgrade(&index);
@@ -105,7 +106,7 @@ impl SearchFile {
         }
     }
 
-    fn read(&self, source: &SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
+    fn read(&self, source: &SearchSource, marks: Option<CityMarks>) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
         let unreadable = |reason: String| SearchFileError::Unreadable { place: self.place.clone(), reason };
         let damaged = |reason: String| SearchFileError::Damaged { place: self.place.clone(), reason };
         let length = source.length();
@@ -113,7 +114,7 @@ impl SearchFile {
             return Err(damaged(format!("it has {length} bytes, the limit is {MAX_SEARCH_BYTES}")));
         }
         let bytes = source.read(length).map_err(unreadable)?;
-        SearchIndex::open(bytes).map_err(|error| damaged(error.to_string()))
+        SearchIndex::of_city(bytes, marks).map_err(|error| damaged(error.to_string()))
     }
 }
 
@@ -155,9 +156,22 @@ mod tests {
         std::fs::write(&path, builder.finish().unwrap()).unwrap();
         let file = SearchFile::open(folder.path()).unwrap().unwrap();
         std::fs::rename(&path, folder.path().join("replaced")).unwrap();
-        let index = file.index().unwrap();
+        let index = file.index(None).unwrap();
         assert_eq!(index.search("kerk", 1)[0].object, 7);
-        assert!(Arc::ptr_eq(&index, &file.index().unwrap()));
+        assert!(Arc::ptr_eq(&index, &file.index(None).unwrap()));
+    }
+
+    #[test]
+    fn an_index_of_another_bake_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(SEARCH_FILE), SearchIndexBuilder::new().finish().unwrap()).unwrap();
+        let open = |marks| SearchFile::open(folder.path()).unwrap().unwrap().index(marks);
+        let checksum = open(None).unwrap().checksum();
+        open(Some(CityMarks { search_index: Some(checksum) })).unwrap();
+        for search_index in [None, Some(!checksum)] {
+            let error = open(Some(CityMarks { search_index })).unwrap_err().to_string();
+            assert!(error.contains(SEARCH_FILE) && error.contains("another bake"), "{error}");
+        }
     }
 
     #[test]
@@ -166,11 +180,11 @@ mod tests {
         let path = folder.path().join(SEARCH_FILE);
         std::fs::write(&path, b"INSXnonsense").unwrap();
         let file = SearchFile::open(folder.path()).unwrap().unwrap();
-        assert!(matches!(file.index(), Err(SearchFileError::Damaged { .. })));
+        assert!(matches!(file.index(None), Err(SearchFileError::Damaged { .. })));
         std::fs::write(&path, SearchIndexBuilder::new().finish().unwrap()).unwrap();
-        assert!(file.index().is_err());
+        assert!(file.index(None).is_err());
         std::fs::File::create(&path).unwrap().set_len(MAX_SEARCH_BYTES + 1).unwrap();
-        let error = SearchFile::open(folder.path()).unwrap().unwrap().index().unwrap_err();
+        let error = SearchFile::open(folder.path()).unwrap().unwrap().index(None).unwrap_err();
         assert!(error.to_string().contains("the limit is"), "{error}");
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();

@@ -90,6 +90,7 @@ pub fn manifest(name: &str) -> Manifest {
         heights: None,
         stones: Vec::new(),
         street_sets: false,
+        marks: None,
         counts: CityCounts {
             objects: 2,
             triangles: 24,
@@ -131,6 +132,7 @@ pub fn empty_manifest(depth: u8) -> Manifest {
         heights: None,
         stones: Vec::new(),
         street_sets: false,
+        marks: None,
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

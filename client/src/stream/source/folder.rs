@@ -3,6 +3,7 @@
 use crate::stream::fetch::Http;
 use bytes::Bytes;
 use insula_archive::{RangeRead, RangeSource, ReadError, file_source::FileSource};
+use insula_protocol::Manifest;
 use insula_viewer::source::archive::{ArchivedCity, to_read_error};
 use std::{
     ops::Range,
@@ -20,8 +21,8 @@ struct FolderArchive {
 }
 
 /// The city in `folder`, in the version of its manifest.
-pub fn open(folder: &Path, version: &str, http: &Arc<Http>) -> ArchivedCity {
-    ArchivedCity::new(folder.display().to_string(), version, |kind| {
+pub fn open(folder: &Path, manifest: &Manifest, http: &Arc<Http>) -> ArchivedCity {
+    ArchivedCity::new(folder.display().to_string(), manifest, |kind| {
         Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
     })
 }

@@ -3,7 +3,7 @@
 use super::{PendingGroup, PendingTile, TileSource};
 use crate::{scene::TileKey, source::FetchError};
 use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
-use insula_protocol::{TileGroup, TileId, TileKind, mesh_tile};
+use insula_protocol::{Manifest, TileGroup, TileId, TileKind, mesh_tile};
 
 /// A city without a server.
 #[derive(Debug)]
@@ -13,9 +13,9 @@ pub struct ArchivedCity {
 }
 
 impl ArchivedCity {
-    /// The city of a manifest with this version. `open` returns the source of each archive; `location` is for people.
-    pub fn new(location: String, version: &str, open: impl Fn(TileKind) -> SharedSource) -> Self {
-        Self { location, city: LazyCity::new(version, open) }
+    /// The city of a manifest. `open` returns the source of each archive; `location` is for people.
+    pub fn new(location: String, manifest: &Manifest, open: impl Fn(TileKind) -> SharedSource) -> Self {
+        Self { location, city: LazyCity::new(manifest, open) }
     }
 }
 

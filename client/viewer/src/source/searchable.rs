@@ -6,7 +6,7 @@ use bytes::Bytes;
 use futures_util::lock::Mutex;
 use insula_archive::city::SEARCH_FILE;
 use insula_objects::search::{SearchHit, SearchIndex};
-use insula_protocol::TileGroup;
+use insula_protocol::{TileGroup, manifest::CityMarks};
 use std::sync::Arc;
 
 /// Future of a city's index; `None` if it has none.
@@ -37,9 +37,9 @@ impl<R: Fn() -> PendingIndex> SearchableCity<R> {
     }
 }
 
-/// Checks the bytes of an index. Fails if they are none.
-pub fn open_index(bytes: Bytes) -> Result<SearchIndex<Bytes>, FetchError> {
-    SearchIndex::open(bytes).map_err(|error| FetchError::Archive(format!("{SEARCH_FILE}: {error}")))
+/// Checks the bytes of an index of a city whose manifest has these marks. Fails if they are none, or of another bake.
+pub fn open_index(bytes: Bytes, marks: Option<CityMarks>) -> Result<SearchIndex<Bytes>, FetchError> {
+    SearchIndex::of_city(bytes, marks).map_err(|error| FetchError::Archive(format!("{SEARCH_FILE}: {error}")))
 }
 
 impl<R: Fn() -> PendingIndex + Shareable> TileSource for SearchableCity<R> {

@@ -11,6 +11,7 @@ use insula_archive::{
     RangeRead, RangeSource, ReadError,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
 };
+use insula_protocol::Manifest;
 use std::{
     ops::Range,
     sync::{Arc, OnceLock},
@@ -26,8 +27,9 @@ struct WebArchive {
 }
 
 /// The city at `base`, an address without a slash at its end, in the version of its manifest.
-pub fn open(base: &str, version: &str, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
-    let archives = ArchivedCity::new(base.to_owned(), version, |kind| {
+pub fn open(base: &str, manifest: &Manifest, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
+    let (version, marks) = (&manifest.version, manifest.marks);
+    let archives = ArchivedCity::new(base.to_owned(), manifest, |kind| {
         // The version keeps caches on the way from answering with files of another bake.
         let url = format!("{base}/{}?v={version}", kind.file_name());
         Arc::new(WebArchive { url, http: http.clone(), first: Arc::default() })
@@ -38,7 +40,7 @@ pub fn open(base: &str, version: &str, http: &Arc<dyn Transport>) -> impl TileSo
         Box::pin(async move {
             match http.get(url, MAX_SEARCH_BYTES as usize).await {
                 Err(FetchError::Missing) => Ok(None),
-                response => open_index(response?).map(Some),
+                response => open_index(response?, marks).map(Some),
             }
         })
     })

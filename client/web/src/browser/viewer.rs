@@ -93,7 +93,7 @@ impl CityViewer {
         let manifest = parse_manifest(options.manifest.as_bytes()).map_err(to_js)?;
         let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host.clone()));
         let source: Arc<dyn TileSource> = if options.is_folder {
-            Arc::new(web_folder::open(&options.base, &manifest.version, &transport))
+            Arc::new(web_folder::open(&options.base, &manifest, &transport))
         } else {
             Arc::new(ServerSource::new(transport, &options.base, &options.query, &manifest))
         };

@@ -8,7 +8,10 @@ use crate::{
     test_support::{MemorySource, archive, id},
 };
 use futures_util::FutureExt;
-use insula_protocol::{manifest, tile::TileWriter};
+use insula_protocol::{
+    manifest::{self, CityMarks},
+    tile::TileWriter,
+};
 use std::{
     fs,
     path::Path,
@@ -37,6 +40,7 @@ fn manifest() -> Manifest {
         heights: None,
         stones: Vec::new(),
         street_sets: false,
+        marks: None,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,
@@ -233,9 +237,22 @@ fn archives_of_another_bake_are_refused() {
     assert!(text.contains("blockmaps.pmtiles") && text.contains("another version"), "{text}");
     let lazy = |version: &str| {
         let source = FileSource::open(&folder.path().join(TileKind::BlockMap.file_name())).unwrap();
-        LazyArchive::new(Arc::new(source), 1 << 20).of_version(version.into())
+        LazyArchive::new(Arc::new(source), 1 << 20).of_city(&Manifest { version: version.into(), ..manifest() })
     };
     let read = |version: &str| lazy(version).tile(TileId::ROOT).now_or_never().unwrap();
     assert_eq!(read(&version).unwrap_err(), ArchiveError::OtherVersion);
     assert!(read("fedcba9876543210").unwrap().is_some());
+}
+
+#[test]
+fn archives_without_a_mark_are_of_earlier_bakes_only() {
+    let folder = folder();
+    let marked = Manifest { marks: Some(CityMarks { search_index: None }), ..manifest() };
+    BakedCity::open(folder.path()).unwrap();
+    write_manifest(folder.path(), &marked);
+    assert!(refusal(folder.path()).contains("another version"));
+    for kind in [TileKind::Subtree, TileKind::BlockMap] {
+        mark_file(&folder.path().join(kind.file_name()), &marked.version).unwrap();
+    }
+    BakedCity::open(folder.path()).unwrap();
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
+use insula_protocol::manifest::CityMarks;
 use serde::{Deserialize, Serialize};
 
 use super::candidates::Candidates;
@@ -62,6 +63,24 @@ impl<D: AsRef<[u8]>> SearchIndex<D> {
         let layout = Layout::decode(data.as_ref())?;
         words::check(&data.as_ref()[layout.dictionary.clone()])?;
         Ok(Self { data, layout })
+    }
+
+    /// Opens the index of a city whose manifest has these marks. Cities of earlier bakes have none, and any index.
+    ///
+    /// # Errors
+    /// Fails as [`Self::open`], or if the index is of another bake.
+    pub fn of_city(data: D, marks: Option<CityMarks>) -> Result<Self, SearchError> {
+        let index = Self::open(data)?;
+        match marks {
+            Some(marks) if marks.search_index != Some(index.checksum()) => Err(SearchError::OtherBake),
+            _ => Ok(index),
+        }
+    }
+
+    /// Checksum of all texts and objects.
+    #[must_use]
+    pub fn checksum(&self) -> u32 {
+        self.data.as_ref().last_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes))
     }
 
     /// Pairs of a text and an object.

@@ -81,6 +81,9 @@ pub enum SearchError {
     /// A number exceeds a limit of the format.
     #[error("{what} of a search index: {found}, the limit is {limit}")]
     Limit { what: &'static str, found: u64, limit: u64 },
+    /// The index and the manifest are of different bakes.
+    #[error("search index of another bake than city.json: copy all files of the city again, or bake it again")]
+    OtherBake,
     /// A rule of the format is broken. The text says which.
     #[error("search index: {0}")]
     Invalid(&'static str),

@@ -19,7 +19,7 @@ use insula_archive::{
 use insula_objects::Schema;
 use insula_protocol::{
     NODE_CELLS, TileId, TileKind,
-    manifest::{CityCounts, FORMAT_VERSION, HeightReference, Manifest},
+    manifest::{CityCounts, CityMarks, FORMAT_VERSION, HeightReference, Manifest},
     mesh_tile,
     subtree::NodeInfo,
     text::printable,
@@ -232,6 +232,8 @@ pub(crate) fn write_others(
         hashes.push(hash_file(&folder.join(SEARCH_FILE))?);
     }
     let mut manifest = build_manifest(&input);
+    let search_index = search.map(|_| search::checksum(&folder.join(SEARCH_FILE))).transpose()?;
+    manifest.marks = Some(CityMarks { search_index });
     let Attributions { all, filled_in } = Attributions::new(&input.config.attribution, input.read);
     manifest.attribution = all;
     manifest.counts.buildings = Some(buildings);
@@ -364,6 +366,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         heights: read.vertical_datum.clone().map(|datum| HeightReference { datum, geoid: read.geoid.clone() }),
         stones: read.stones.clone(),
         street_sets: false,
+        marks: None,
     }
 }
 

@@ -259,6 +259,7 @@ mod tests {
             heights: None,
             stones: Vec::new(),
             street_sets: false,
+            marks: None,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

@@ -8,7 +8,12 @@ use insula_scratch::{
     record_list::RecordScratch,
     record_sorter::{RecordSorter, SortedRecords},
 };
-use std::{collections::HashMap, fs::File, io::BufWriter, path::Path};
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{self, BufWriter, Read, Seek, SeekFrom},
+    path::Path,
+};
 
 use insula_archive::city::MAX_SEARCH_BYTES;
 use insula_objects::{
@@ -72,6 +77,17 @@ pub(super) fn write(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path)
         Err(UnwrittenSearch::Bake(error)) => Err(error),
         Ok(length) => Ok(length),
     }
+}
+
+/// The checksum of an index, its last bytes. Fails if it cannot be read.
+pub(super) fn checksum(path: &Path) -> Result<u32, BakeError> {
+    let read = || {
+        let (mut file, mut bytes) = (File::open(path)?, [0; 4]);
+        file.seek(SeekFrom::End(-4))?;
+        file.read_exact(&mut bytes)?;
+        io::Result::Ok(u32::from_le_bytes(bytes))
+    };
+    read().map_err(|cause| BakeError::io(path, "read", cause))
 }
 
 /// Why there is no index.
@@ -238,7 +254,9 @@ mod tests {
         let length = write_city(["Pand.1", "Pand.22"]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes.len() as u64, length);
-        let hits = SearchIndex::open(bytes).unwrap().search("22", 9);
+        let index = SearchIndex::open(bytes).unwrap();
+        assert_eq!(checksum(&path).unwrap(), index.checksum());
+        let hits = index.search("22", 9);
         assert_eq!(hits.iter().map(|hit| (hit.text.as_str(), hit.object)).collect::<Vec<_>>(), [("Pand.22", 2)]);
     }
 }

@@ -42,6 +42,7 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         heights: None,
         stones: Vec::new(),
         street_sets: false,
+        marks: None,
     }
 }
 

@@ -72,6 +72,7 @@ pub(crate) fn manifest(depth: u8) -> Manifest {
         heights: Some(HeightReference { datum: "EPSG:5709".into(), geoid: None }),
         stones: Vec::new(),
         street_sets: false,
+        marks: None,
     }
 }
 
