@@ -36,7 +36,8 @@ const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
 /// Memory besides `--memory` for allocations that are not estimated in advance. With the program and the allocator's
-/// overhead a bake stays within 512 MiB more than `--memory`.
+/// overhead a bake stays within 512 MiB more than `--memory`. It does not shrink with `--memory`, because blocks, documents and the
+/// tiles of the picture do not.
 const RESERVE_BYTES: u64 = 384 << 20;
 /// The part of the reserve that a single block may need.
 const BLOCK_RESERVE_BYTES: usize = 320 << 20;
@@ -554,6 +555,18 @@ mod tests {
             }),
             base
         );
+    }
+
+    #[test]
+    fn the_limit_of_allocations_is_1_25_times_the_memory_of_8_threads() {
+        let limit = |threads, memory| {
+            let options = BakeOptions { threads: Some(threads), memory_bytes: memory, ..options() };
+            options.memory_limit_bytes() as f64 / memory.unwrap_or(default_memory(threads)) as f64
+        };
+        for (threads, memory) in [(8, None), (64, None), (1, Some(1536 << 20)), (1, Some(8 << 30))] {
+            assert!(limit(threads, memory) <= 1.25, "{threads} threads, {memory:?}");
+        }
+        assert!(limit(1, None) > 1.25, "the largest block and document are the same for little memory");
     }
 
     #[test]
