@@ -186,7 +186,8 @@ pub fn sum_up<'a>(
                     row.roof_total += area * f64::from(*value);
                 }
             }
-            TopKind::Other | TopKind::Nothing => {}
+            // What was made up around the terrain is in no average.
+            TopKind::Generated | TopKind::Other | TopKind::Nothing => {}
         }
     }
     for (point, value) in points.iter().zip(walls) {
@@ -195,4 +196,17 @@ pub fn sum_up<'a>(
     }
     city.buildings.sort_by_key(|row| row.building.number);
     city
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ground_around_the_terrain_is_in_no_average() {
+        let kinds = [TopKind::Ground, TopKind::Generated, TopKind::Roof(0)];
+        let surface = CitySurface::of_cells([3, 1], [0.0; 2], 0.0, vec![0.0, 0.0, 9.0], &kinds);
+        let values = sum_up(&surface, &[1.0, 5.0, 7.0], &[], &[], None);
+        assert_eq!((values.ground.count, values.ground.mean(), values.roofs.mean()), (1, Some(1.0), Some(7.0)));
+    }
 }

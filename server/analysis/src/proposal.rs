@@ -143,7 +143,7 @@ impl CitySurface {
             let above = (y + 1 < height).then_some(index + width);
             [left, right, below, above].into_iter().flatten()
         };
-        let is_ground = |index: &usize| self.kind(*index) == TopKind::Ground;
+        let is_ground = |index: &usize| self.kind(*index).is_ground();
         let mut changes = BTreeMap::new();
         let mut next: VecDeque<(usize, f32)> = VecDeque::new();
         for index in (0..open.len()).filter(|index| open[*index]) {

@@ -19,14 +19,17 @@ pub const MAX_CELLS: u64 = 64 << 20;
 const NOTHING: u32 = u32::MAX;
 const GROUND: u32 = u32::MAX - 1;
 const OTHER: u32 = u32::MAX - 2;
+const GENERATED: u32 = u32::MAX - 3;
 
 /// What the top of a cell belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TopKind {
     /// Nothing was baked there.
     Nothing,
-    /// Land, water, generated ground.
+    /// Land and water, and generated ground where the source has no terrain at all.
     Ground,
+    /// Generated ground around the terrain of the source, and in its holes.
+    Generated,
     /// A building, as an index into [`CitySurface::buildings`].
     Roof(u32),
     /// Trees, bridges, masts and all else that stands.
@@ -34,10 +37,16 @@ pub enum TopKind {
 }
 
 impl TopKind {
+    /// Whether it is ground, of the source or generated.
+    pub(crate) fn is_ground(self) -> bool {
+        matches!(self, Self::Ground | Self::Generated)
+    }
+
     fn code(self) -> u32 {
         match self {
             Self::Nothing => NOTHING,
             Self::Ground => GROUND,
+            Self::Generated => GENERATED,
             Self::Other => OTHER,
             Self::Roof(building) => building,
         }
@@ -47,6 +56,7 @@ impl TopKind {
         match code {
             NOTHING => Self::Nothing,
             GROUND => Self::Ground,
+            GENERATED => Self::Generated,
             OTHER => Self::Other,
             building => Self::Roof(building),
         }
@@ -116,6 +126,7 @@ impl CitySurface {
             surface.normals.values[index] = top.normal.unwrap_or_else(up);
             surface.walls.extend(top.wall.map(|wall| (index as u32, wall)));
             match objects.get(top.object) {
+                Ok(TopKind::Ground) if top.is_generated && manifest.has_terrain => kinds[index] = GENERATED,
                 Ok(kind) => kinds[index] = kind.code(),
                 Err(error) => failure = Some(error),
             }
@@ -192,7 +203,7 @@ impl CitySurface {
         let [width, height] = self.size();
         let range = |at: usize, side: usize| at.saturating_sub(NEAR)..(at + NEAR + 1).min(side);
         let cells = range(y, height).flat_map(|row| range(x, width).map(move |column| (column, row)));
-        let ground = cells.filter(|(column, row)| self.kind(row * width + column) == TopKind::Ground);
+        let ground = cells.filter(|(column, row)| self.kind(row * width + column).is_ground());
         let nearest = ground.min_by_key(|(column, row)| column.abs_diff(x).pow(2) + row.abs_diff(y).pow(2))?;
         Some(self.base_m + f64::from(self.top(nearest.1 * width + nearest.0)))
     }

@@ -37,7 +37,7 @@ pub fn wall_points(surface: &CitySurface, heights_m: &[f64]) -> Vec<WallPoint> {
             let Some([before_x, before_y]) = neighbour([x, y], step, [width, height]) else { continue };
             let before = before_y * width + before_x;
             let (ground, top) = (surface.top(before), surface.top(roof));
-            if kinds[before_y + 1 - y][before_x] != TopKind::Ground || top - ground < LEAST_WALL_M {
+            if !kinds[before_y + 1 - y][before_x].is_ground() || top - ground < LEAST_WALL_M {
                 continue;
             }
             // A wall that runs across the cells has its own direction, as long as it looks over this side of the cell.

@@ -16,6 +16,8 @@ pub struct CellTop {
     pub wall: Option<u8>,
     /// Octahedral code of the normal of a slope; `None` of a level top.
     pub normal: Option<u16>,
+    /// Whether it is generated ground, where the source has nothing.
+    pub is_generated: bool,
 }
 
 /// The tops of the columns, row-major from the south-west. Where a wall cuts a column and the middle of its cell lies beyond the wall,
@@ -23,6 +25,7 @@ pub struct CellTop {
 pub(super) fn node_tops(manifest: &Manifest, map: BlockMap) -> Vec<Option<CellTop>> {
     // The objects of columns do not change by the ground below them. Where it adds a column, there is no object.
     let objects = map.objects.clone();
+    let given: Vec<bool> = map.flags.iter().map(|flags| flags & flag::OCCUPIED != 0).collect();
     let map = map.stand_on_ground();
     let base = manifest.origin[2] + map.z_base_m();
     let step = f64::from(map.z_step_m());
@@ -43,7 +46,8 @@ pub(super) fn node_tops(manifest: &Manifest, map: BlockMap) -> Vec<Option<CellTo
         let is_slope = outer.is_none() && flags & flag::INCLINED != 0;
         let normal = is_slope.then(|| map.roof_normal[cell]);
         let height = (base + f64::from(code) * step) as f32;
-        *top = Some(CellTop { height, object: object.unwrap_or(NO_OBJECT), wall, normal });
+        let (object, is_generated) = (object.unwrap_or(NO_OBJECT), !given[cell]);
+        *top = Some(CellTop { height, object, wall, normal, is_generated });
     }
     tops
 }
@@ -55,5 +59,24 @@ fn is_inside(clip: &ColumnClip) -> bool {
         None => first,
         Some(corner) if corner.concave => first || corner.offset >= 0,
         Some(corner) => first && corner.offset >= 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::test_city::manifest;
+    use insula_protocol::{TileId, blockmap::NodeGround};
+
+    #[test]
+    fn ground_that_the_source_does_not_have_is_marked() {
+        let mut map = BlockMap::empty(TileId::ROOT, 0.5, 0, 0);
+        map.flags[7] = flag::OCCUPIED;
+        map.z_max[7] = 400;
+        map.ground = Some(Box::new(NodeGround { squares: u64::MAX, ..NodeGround::default() }));
+        let tops = node_tops(&manifest(2), map);
+        let marks: Vec<bool> = tops.iter().flatten().map(|top| top.is_generated).collect();
+        let given: Vec<usize> = (0..marks.len()).filter(|cell| !marks[*cell]).collect();
+        assert_eq!((marks.len(), given), (COLUMNS, vec![7]));
     }
 }
