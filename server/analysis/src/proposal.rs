@@ -1,11 +1,15 @@
 //! A surface with what a proposal adds to a city and removes from it, and how far values change by it.
 
 use crate::{
+    outlines::outlines,
     surface::{Building, CitySurface, TopKind},
     walls::WallPoint,
 };
 use glam::DVec2;
-use insula_export::selection::{ObjectSelection, Polygon};
+use insula_export::{
+    raster::CellExtent,
+    selection::{ObjectSelection, Polygon},
+};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
 /// What stands after a proposal, and not before.
@@ -87,6 +91,21 @@ impl CitySurface {
             let place = |cell: [f64; 2]| [0, 1].map(|k| self.corner[k] + cell[k] * self.cell_m);
             [place(low), place(high.map(|v| v + 1.0))]
         })
+    }
+
+    /// The borders on the map of what was added since before, of a part of its cells: closed rings in world metres.
+    #[must_use]
+    pub fn borders_of_added(&self, before: &Self, part: CellExtent) -> Vec<Vec<[f64; 2]>> {
+        let extent = self.extent;
+        let is_in = |index: usize| {
+            let cell = [index as u32 % extent.size[0], index as u32 / extent.size[0]];
+            (0..2).all(|k| (part.min[k]..part.min[k] + part.size[k]).contains(&(extent.min[k] + cell[k])))
+        };
+        let is_added = |index: usize| self.kind(index) == TopKind::Other && !is_same([before, self], index);
+        let added: Vec<bool> = (0..self.tops.values.len()).map(|index| is_in(index) && is_added(index)).collect();
+        let place = |corner: &[u32; 2]| [0, 1].map(|k| self.corner[k] + f64::from(corner[k]) * self.cell_m);
+        let closed = |ring: &Vec<[u32; 2]>| -> Vec<[f64; 2]> { ring.iter().chain(ring.first()).map(place).collect() };
+        outlines(&added, self.size()[0]).iter().flatten().map(closed).collect()
     }
 
     /// Indices of the cells with the middle in a polygon.
@@ -245,6 +264,12 @@ mod tests {
         assert_eq!(changed, 25 + 16);
         assert_eq!(after.changes_from(&town), Some([[1005.0, 2005.0], [1030.0, 2024.0]]));
         assert_eq!(town.changes_from(&town), None);
+        let borders = after.borders_of_added(&town, after.extent);
+        let block = [[1025.0, 2005.0], [1030.0, 2005.0], [1030.0, 2010.0], [1025.0, 2010.0], [1025.0, 2005.0]];
+        assert_eq!((borders.len(), &borders[0][..]), (2, &block[..]));
+        let south = CellExtent { min: [0, 0], size: [40, 8] };
+        let block = [[1025.0, 2005.0], [1030.0, 2005.0], [1030.0, 2008.0], [1025.0, 2008.0], [1025.0, 2005.0]];
+        assert_eq!(after.borders_of_added(&town, south), [block]);
         // What lies below the top of a house is not seen.
         let low = Addition::Block { outline: square([1010.0, 2008.0], [1020.0, 2014.0]), top_m: 52.0 };
         assert_eq!(town.with_additions(&[low]).tops.values, town.tops.values);

@@ -1,7 +1,7 @@
 //! Pictures of values over the surfaces of a plan.
 
 use crate::{
-    drawing::{Drawing, MapPicture},
+    drawing::{Drawing, MapPicture, SheetItem},
     legend::{legend_items, note_items},
     view::PaperRect,
 };
@@ -16,6 +16,19 @@ pub struct ValuePicture {
     pub pixels: Vec<([u8; 3], u8)>,
     /// Lower and upper corner in metres of the city's coordinate system.
     pub area: [[f64; 2]; 2],
+}
+
+/// Width of the borders of places in millimetres.
+const BORDER_MM: f64 = 0.5;
+
+/// Draws closed rings in metres of the city's coordinate system over a plan. Drawings that are no plan stay as they are.
+pub fn outline(drawing: &mut Drawing, rings: &[Vec<[f64; 2]>]) {
+    let Some(metres) = drawing.metres else { return };
+    let line = |ring: &Vec<[f64; 2]>| SheetItem::Line {
+        points: ring.iter().map(|place| [0, 1].map(|k| (place[k] - metres.at_zero[k]) / metres.per_mm)).collect(),
+        width_mm: BORDER_MM,
+    };
+    drawing.sheet.extend(rings.iter().map(line));
 }
 
 /// Lays a picture over the surfaces of a plan, with a legend of its colours and lines of text. Of formats, PDF has pictures. Drawings that

@@ -76,6 +76,8 @@ struct Question<'a> {
     place: Option<&'a EarthPlace>,
     /// The cells of the result. Those around them are only in the way.
     extent: CellExtent,
+    /// Borders of what a proposal adds, for the sheet.
+    added: Vec<Vec<[f64; 2]>>,
 }
 
 /// Runs `analyse`. Fails if the city cannot be read, an option does not fit, or an output cannot be written.
@@ -103,12 +105,15 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let area = area.or_else(|| Some(grown(change.as_ref()?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
     let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
-    let mut question = Question { args, source: &source, place: place.as_ref(), extent };
+    let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new() };
     let mut changed = None;
     if let (Some(proposal), Some(change)) = (&proposal, change) {
         let after = change.after(proposal, &surface)?;
         if let (None, Some(where_changed)) = (area, after.changes_from(&surface)) {
             question.extent = CellExtent::of(manifest, Some(grown(where_changed, AROUND_M))).map_err(failed)?;
+        }
+        if args.pdf.is_some() {
+            question.added = after.borders_of_added(&surface, question.extent);
         }
         changed = Some((change, after));
     }

@@ -6,7 +6,7 @@ use insula_analysis::surface::CitySurface;
 use insula_draw::{
     DrawLimits, DrawRequest, draw,
     file::{DrawingFormat, write_drawing},
-    picture::{ValuePicture, lay},
+    picture::{ValuePicture, lay, outline},
     sheet::Paper,
     style::Stylesheet,
     view::DrawView,
@@ -80,7 +80,10 @@ pub(super) fn write(
     let mut drawing = draw(question.source, &request, &|_, _| true).map_err(|error| failed(&error))?;
     let colors = Colors::of(question, answer);
     let picture = picture(question, answer, surface, &colors, area);
-    lay(&mut drawing, picture, &colors.legend(), &answer.notes);
+    outline(&mut drawing, &question.added);
+    let what_is_added = (!question.added.is_empty()).then(|| "what is added is outlined".to_owned());
+    let notes: Vec<String> = answer.notes.iter().cloned().chain(what_is_added).collect();
+    lay(&mut drawing, picture, &colors.legend(), &notes);
     write_drawing(&drawing, DrawingFormat::Pdf, out).map_err(|error| failed(&error))?;
     Ok(())
 }
