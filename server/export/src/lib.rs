@@ -3,6 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `camera` | cameras as in the files of the viewer |
+//! | `changes` | what was built, demolished and changed between two cities |
 //! | `cityjson` | CityJSON text sequences |
 //! | `column_surfaces` | triangles of columns, for nodes without a mesh |
 //! | `file`, `format` | the entry of all exports of one file; its formats |
@@ -18,6 +19,7 @@
 
 mod boxes;
 pub mod camera;
+pub mod changes;
 mod cityjson;
 mod column_surfaces;
 pub mod file;

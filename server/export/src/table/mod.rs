@@ -23,7 +23,7 @@ pub(crate) mod open_objects;
 mod outline;
 pub(crate) mod output;
 mod projjson;
-mod record;
+pub(crate) mod record;
 mod report;
 #[cfg(test)]
 pub(crate) mod test_city;
@@ -38,7 +38,10 @@ pub use report::{ExportError, ExportReport, attribution};
 use crate::format::{Format, Projections};
 use city::{City, Plan};
 use gather::{Footprint, visit_footprints};
-use insula_objects::family::{PartValues, inherit};
+use insula_objects::{
+    Value,
+    family::{PartValues, inherit},
+};
 use insula_protocol::Manifest;
 use output::OutputFile;
 use record::{Field, Record};
@@ -50,7 +53,7 @@ use std::{
 };
 
 /// Writes rows in one format.
-trait RecordWriter {
+pub(crate) trait RecordWriter {
     /// Writes a row, or returns why the format cannot have it. Fails if the file cannot be written.
     fn write(&mut self, record: &Record) -> Result<Option<&'static str>, ExportError>;
     /// Ends the file. Fails if it cannot be written.
@@ -100,21 +103,37 @@ pub(crate) fn write(
     (options, added): (TableOptions, &AddedValues),
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
-    let mut report = ExportReport::new(city.source);
     let fields = record::fields(city.source.schema(), &added.names);
+    write_rows((format, options.keeps_formulas), city.manifest, &fields, projections, out, &mut |writer, report| {
+        write_records(city, plan, added, writer, report)
+    })
+}
+
+/// Passes rows to a writer, and counts them.
+type WriteRows<'a> = &'a mut dyn FnMut(&mut dyn RecordWriter, &mut ExportReport) -> Result<(), ExportError>;
+
+/// Writes a table of these columns in a format, with formulas or not, of what a manifest names. Fails with the error of `rows`, or if the
+/// file cannot be written.
+pub(crate) fn write_rows(
+    (format, keeps_formulas): (Format, bool),
+    manifest: &Manifest,
+    fields: &[Field],
+    projections: &Projections<'_>,
+    out: &Path,
+    rows: WriteRows<'_>,
+) -> Result<ExportReport, ExportError> {
+    let attribution = report::attribution(manifest);
+    let mut report = ExportReport { attribution: attribution.clone(), ..ExportReport::default() };
     let (output, file) = OutputFile::create(out)?;
-    let attribution = report.attribution.clone();
-    let title = &city.manifest.title;
-    let keeps_formulas = options.keeps_formulas;
-    let setup =
-        TableSetup { title, fields: &fields, projections, attribution: &attribution, path: out, keeps_formulas };
+    let title = &manifest.title;
+    let setup = TableSetup { title, fields, projections, attribution: &attribution, path: out, keeps_formulas };
     let mut writer: Box<dyn RecordWriter> = match format {
         Format::GeoJson => Box::new(geojson::Writer::new(&setup, file)?),
         Format::GeoParquet => Box::new(geoparquet::Writer::new(&setup, file)?),
         Format::FlatGeobuf => Box::new(flatgeobuf::Writer::new(&setup, file)?),
         _ => Box::new(csv::Writer::new(&setup, file)?),
     };
-    write_records(city, plan, added, writer.as_mut(), &mut report)?;
+    rows(writer.as_mut(), &mut report)?;
     report.bytes = output.commit(writer.finish()?)?;
     report.files.push(out.to_owned());
     match format {
@@ -155,7 +174,8 @@ fn write_records(
         }
         of_parts.complete(&mut attributes);
         let parent = parent.map(|parent| parent.identifier);
-        let added = added.values.get(&object).cloned().unwrap_or_default();
+        let added = added.values.get(&object).into_iter().flatten();
+        let added = added.map(|value| value.map(Value::Float)).collect();
         let record = Record { object, identifier, parent, kind, footprint, attributes, added };
         match writer.write(&record)? {
             Some(reason) => report.skip(reason),

@@ -18,8 +18,8 @@ pub(crate) struct Record {
     pub(crate) footprint: Option<Footprint>,
     /// Indices of attributes in the schema, ascending, with their values.
     pub(crate) attributes: Vec<(u32, Value)>,
-    /// Numbers that are none of the city's.
-    pub(crate) added: Vec<Option<f64>>,
+    /// Values that are none of the city's.
+    pub(crate) added: Vec<Option<Value>>,
 }
 
 /// What a column has.
@@ -34,7 +34,7 @@ enum Content {
     Height,
     Area,
     Attribute(u32),
-    /// A number that is none of the city's: by its place.
+    /// A value that is none of the city's: by its place.
     Added(u32),
 }
 
@@ -101,6 +101,18 @@ pub(crate) fn fields(schema: &Schema, added: &[String]) -> Vec<Field> {
     fields
 }
 
+/// The columns of a table that has none of a city's, by name, type and unit.
+pub(crate) fn own_fields(columns: &[(&str, ValueType, Option<&str>)]) -> Vec<Field> {
+    let numbered = (0u32..).zip(columns);
+    let field = |(number, (name, value_type, unit)): (u32, &(&str, ValueType, Option<&str>))| Field {
+        name: (*name).to_owned(),
+        value_type: *value_type,
+        unit: unit.map(str::to_owned),
+        content: Content::Added(number),
+    };
+    numbered.map(field).collect()
+}
+
 impl Record {
     /// The values of the columns, `None` where the object has none. Values have the types of their columns.
     pub(crate) fn values<'a>(&'a self, fields: &[Field]) -> Vec<Option<Cow<'a, Value>>> {
@@ -130,7 +142,7 @@ impl Record {
             Content::RoofZ => metres(&|footprint| footprint.z_m[1]),
             Content::Height => metres(&|footprint| footprint.z_m[1] - footprint.z_m[0]),
             Content::Area => metres(&|footprint| footprint.area_m2),
-            Content::Added(at) => self.added.get(at as usize).copied().flatten().map(Value::Float),
+            Content::Added(at) => self.added.get(at as usize).cloned().flatten(),
             Content::Attribute(_) => None,
         }
     }
@@ -172,7 +184,7 @@ mod tests {
             kind: FeatureKind::Bridge,
             footprint: None,
             attributes: vec![(0, Value::Integer(4)), (2, Value::Float(0.5))],
-            added: vec![Some(1.5), None],
+            added: vec![Some(Value::Float(1.5)), None],
         };
         let values: Vec<String> = record
             .values(&fields)
