@@ -13,7 +13,7 @@ pub use analyse::{AnalyseArgs, Analysis};
 pub use choices::{GeneratedFacades, GeneratedGround, LengthUnit, Preference, UpAxis, VisibilityRenderer};
 pub use meshes::{AoArgs, CompareArgs, CompressArgs, DecompressArgs, SimplifyArgs};
 #[cfg(feature = "bake")]
-pub use objects::{ExportArgs, ExportFormat};
+pub use objects::{ChangesArgs, ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 pub use publish::{PublishArgs, SignArgs};
@@ -82,6 +82,12 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server export cities/delft --format flatgeobuf --out delft.fgb --filter 'height > 20'\n  insula-server export cities/delft --format 3dtiles --out delft.3tz"
     )]
     Export(ExportArgs),
+    /// List the buildings that were built, demolished or changed from one city to another
+    #[cfg(feature = "bake")]
+    #[command(
+        after_help = "Example:\n  insula-server changes cities/delft-2024 cities/delft-2025 --out changes.csv\n\nBuildings are the same if their footprints overlap by half; identifiers only tell which of several is meant.\nBake both cities alike: other cells and levels of detail look like changes."
+    )]
+    Changes(ChangesArgs),
     /// Compute hours of sun, sky view factors, shadows and view sheds
     #[cfg(feature = "bake")]
     #[command(

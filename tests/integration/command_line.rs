@@ -177,6 +177,7 @@ fn results_are_json_where_that_is_asked_for() {
         ("objects city", "attributes"),
         ("export city --out rows.csv", "objects"),
         ("export city --out city.glb", "triangles"),
+        ("changes city city --all --out changes.csv", "unchanged"),
         ("export city --format 3dtiles --out tiles", "files"),
         ("analyse city sky --out sky.tif", "roofs"),
         ("sign --city city --expires 1h --keys keys", "url"),

@@ -12,6 +12,7 @@ mod bad_input;
 mod bake_same_bytes;
 mod browser;
 mod carving;
+mod changes;
 mod command_line;
 mod dependencies;
 mod documents;
@@ -55,7 +56,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 41] = [
+const MODULES: [(&str, Add); 42] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -93,6 +94,7 @@ const MODULES: [(&str, Add); 41] = [
     ("documents", documents::add),
     ("command_line", command_line::add),
     ("analyse", analyse::add),
+    ("changes", changes::add),
     ("fuzz_targets", fuzz_targets::add),
     ("dependencies", dependencies::add),
     ("structure", structure::add),

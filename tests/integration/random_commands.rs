@@ -18,7 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// All commands that write, remove or rename. DIR, IN and OUT.EXTENSION are paths.
-pub(crate) const COMMANDS: [&str; 47] = [
+pub(crate) const COMMANDS: [&str; 49] = [
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --update --report OUT.json",
@@ -51,6 +51,8 @@ pub(crate) const COMMANDS: [&str; 47] = [
     "analyse city sun --rule en-17037 --points points.csv --out OUT.csv --evidence DIR",
     "analyse city sky --out OUT.tif --pdf OUT.pdf",
     "analyse city view --height 9 --out OUT.tif --of IN",
+    "changes DIR city --out OUT.csv",
+    "changes city DIR --all --out OUT.fgb",
     "export DIR --format glb --out OUT.glb",
     "inspect DIR --tile 0/0/0 --png OUT.png",
     "inspect DIR --volume 0/0/0 --png OUT.png --ply OUT.ply",

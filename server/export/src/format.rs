@@ -27,6 +27,12 @@ impl Format {
         ("cityjsonseq", Self::CityJsonSeq),
         ("geotiff", Self::GeoTiff),
     ];
+
+    /// Whether it is a table with a row for each object.
+    #[must_use]
+    pub fn is_table(self) -> bool {
+        !matches!(self, Self::CityJsonSeq | Self::GeoTiff)
+    }
 }
 
 /// The city's coordinate system, as far as the caller knows it.

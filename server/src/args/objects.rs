@@ -2,8 +2,12 @@
 
 use super::JsonArgs;
 #[cfg(feature = "bake")]
+use super::parse::parse_positive_metres;
+#[cfg(feature = "bake")]
 use insula_command_line::{area::AreaArgs, output::OverwriteArgs, parse_size, parse_tau};
 use insula_objects::search::MAX_QUERY_CHARS;
+#[cfg(feature = "bake")]
+use std::path::Path;
 use std::path::PathBuf;
 
 /// Arguments of `objects`.
@@ -86,21 +90,8 @@ pub struct ExportArgs {
 impl ExportArgs {
     /// The format, by its name or by that of the file. Fails if neither tells it, or if they differ.
     pub fn format(&self) -> Result<ExportFormat, String> {
-        use insula_export::format::Format;
-        let name = self.out.extension().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
-        let by_name = match name.as_str() {
-            "glb" | "gltf" => Some(ExportFormat::Glb),
-            "3tz" | "pmtiles" => Some(ExportFormat::Tiles3d),
-            "csv" => Some(ExportFormat::Table(Format::Csv)),
-            "geojson" => Some(ExportFormat::Table(Format::GeoJson)),
-            "parquet" | "geoparquet" => Some(ExportFormat::Table(Format::GeoParquet)),
-            "fgb" => Some(ExportFormat::Table(Format::FlatGeobuf)),
-            "jsonl" => Some(ExportFormat::Table(Format::CityJsonSeq)),
-            "tif" | "tiff" => Some(ExportFormat::Table(Format::GeoTiff)),
-            _ => None,
-        };
         let out = self.out.display();
-        match (self.format, by_name) {
+        match (self.format, ExportFormat::by_name(&self.out)) {
             (Some(format), Some(named)) if format != named => {
                 Err(format!("{out}: its name tells another format than --format; change one of them"))
             }
@@ -123,6 +114,71 @@ pub enum ExportFormat {
     Glb,
     Tiles3d,
     Table(insula_export::format::Format),
+}
+
+#[cfg(feature = "bake")]
+impl ExportFormat {
+    /// The format that the name of a file tells.
+    fn by_name(path: &Path) -> Option<Self> {
+        use insula_export::format::Format;
+        let name = path.extension().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+        match name.as_str() {
+            "glb" | "gltf" => Some(Self::Glb),
+            "3tz" | "pmtiles" => Some(Self::Tiles3d),
+            "csv" => Some(Self::Table(Format::Csv)),
+            "geojson" => Some(Self::Table(Format::GeoJson)),
+            "parquet" | "geoparquet" => Some(Self::Table(Format::GeoParquet)),
+            "fgb" => Some(Self::Table(Format::FlatGeobuf)),
+            "jsonl" => Some(Self::Table(Format::CityJsonSeq)),
+            "tif" | "tiff" => Some(Self::Table(Format::GeoTiff)),
+            _ => None,
+        }
+    }
+}
+
+/// Arguments of `changes`.
+#[cfg(feature = "bake")]
+#[derive(Debug, clap::Args)]
+pub struct ChangesArgs {
+    /// Folder of the earlier city
+    pub before: PathBuf,
+    /// Folder of the later city
+    pub after: PathBuf,
+    /// Table to write, with the footprint of each building that was built, demolished or changed
+    #[arg(long, value_name = "FILE.csv|FILE.geojson|FILE.parquet|FILE.fgb")]
+    pub out: PathBuf,
+    /// Least difference in height that counts, in metres
+    #[arg(long, value_name = "M", default_value = "1", value_parser = parse_positive_metres, allow_negative_numbers = true)]
+    pub height_step: f64,
+    /// Footprints are the same if what they have in common is at least this share of both together, 0.5 to 1
+    #[arg(long, value_name = "SHARE", default_value = "0.9", value_parser = parse_overlap, allow_negative_numbers = true)]
+    pub same_footprint: f64,
+    /// List the buildings that did not change, too
+    #[arg(long)]
+    pub all: bool,
+    #[command(flatten)]
+    pub area: AreaArgs,
+    #[command(flatten)]
+    pub json: JsonArgs,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
+}
+
+#[cfg(feature = "bake")]
+impl ChangesArgs {
+    /// The format that the name of the table tells. Fails if it is none of a table.
+    pub fn format(&self) -> Result<insula_export::format::Format, String> {
+        match ExportFormat::by_name(&self.out) {
+            Some(ExportFormat::Table(format)) if format.is_table() => Ok(format),
+            _ => Err(format!("--out {}: a table is a .csv, .geojson, .parquet or .fgb", self.out.display())),
+        }
+    }
+}
+
+#[cfg(feature = "bake")]
+fn parse_overlap(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.5..=1.0).contains(share));
+    share.ok_or_else(|| "expected a share between 0.5 and 1, such as 0.9".to_owned())
 }
 
 #[cfg(feature = "bake")]

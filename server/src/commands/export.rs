@@ -22,7 +22,10 @@ use insula_export::{
     tiles3d::{Destination, Tileset, write_tileset},
 };
 use insula_objects::filter::Filter;
-use insula_protocol::text::{count, human_bytes, printable};
+use insula_protocol::{
+    Manifest,
+    text::{count, human_bytes, printable},
+};
 use roaring::RoaringBitmap;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -44,7 +47,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
         return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
     }
-    if args.parts && !matches!(format, ExportFormat::Table(format) if is_table(format)) {
+    if args.parts && !matches!(format, ExportFormat::Table(format) if format.is_table()) {
         return Err(CommandError::Usage("--parts needs a table: csv, geojson, geoparquet or flatgeobuf".to_owned()));
     }
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
@@ -87,16 +90,12 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Whether a format has a row for each object.
-fn is_table(format: Format) -> bool {
-    !matches!(format, Format::CityJsonSeq | Format::GeoTiff)
-}
-
 /// Fails if the output would overwrite anything but an earlier one.
 fn check_outputs(args: &ExportArgs, format: ExportFormat, city: &CityStore) -> Result<(), CommandError> {
     let inputs = [Some(&args.city), args.polygon.as_ref(), args.view.as_ref()];
     let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
     let kind = match format {
+        ExportFormat::Table(format) => return check_table(&mut outputs, format, city.manifest(), &args.out),
         ExportFormat::Glb if args.is_text_model() => FileKind::Json("a glTF model", &["asset", "buffers"]),
         ExportFormat::Glb => FileKind::GLB,
         ExportFormat::Tiles3d => match Destination::of(&args.out) {
@@ -106,16 +105,27 @@ fn check_outputs(args: &ExportArgs, format: ExportFormat, city: &CityStore) -> R
             Destination::Archive(_) => FileKind::ZIP,
             Destination::PmTiles(_) => FileKind::PMTILES,
         },
-        ExportFormat::Table(Format::Csv) => FileKind::TABLE,
-        ExportFormat::Table(Format::GeoJson) => FileKind::GEOJSON,
-        ExportFormat::Table(Format::GeoParquet) => FileKind::PARQUET,
-        ExportFormat::Table(Format::FlatGeobuf) => FileKind::FLATGEOBUF,
-        ExportFormat::Table(Format::CityJsonSeq) => FileKind::CITYJSON_SEQUENCE,
-        ExportFormat::Table(Format::GeoTiff) => FileKind::TIFF,
     };
-    outputs.file(&args.out, kind).map_err(CommandError::Usage)?;
-    let ExportFormat::Table(format) = format else { return Ok(()) };
-    let Some((beside, text)) = file::sidecar(format, city.manifest(), &args.out) else { return Ok(()) };
+    outputs.file(&args.out, kind).map_err(CommandError::Usage)
+}
+
+/// Fails if a file of a city, or the attribution beside it, would overwrite anything but an earlier one.
+pub(super) fn check_table(
+    outputs: &mut Outputs,
+    format: Format,
+    manifest: &Manifest,
+    out: &Path,
+) -> Result<(), CommandError> {
+    let kind = match format {
+        Format::Csv => FileKind::TABLE,
+        Format::GeoJson => FileKind::GEOJSON,
+        Format::GeoParquet => FileKind::PARQUET,
+        Format::FlatGeobuf => FileKind::FLATGEOBUF,
+        Format::CityJsonSeq => FileKind::CITYJSON_SEQUENCE,
+        Format::GeoTiff => FileKind::TIFF,
+    };
+    outputs.file(out, kind).map_err(CommandError::Usage)?;
+    let Some((beside, text)) = file::sidecar(format, manifest, out) else { return Ok(()) };
     let is_earlier = read_text(&beside, MAX_TEXT_BYTES).is_ok_and(|found| found == text);
     // Any text could be an attribution: only the same one is known.
     let kind = if is_earlier { FileKind::ANY } else { FileKind::Begins("the attribution of the table", &[]) };
@@ -137,11 +147,7 @@ fn write_table(
     place: Option<&EarthPlace>,
 ) -> Result<(ExportReport, String), CommandError> {
     let to_lon_lat = |p: [f64; 2]| place?.lon_lat(p);
-    let definition = place.and_then(EarthPlace::definition).map(|(base_epsg, proj, ellipsoid)| PlaneDefinition {
-        base_epsg,
-        proj: proj.to_owned(),
-        ellipsoid,
-    });
+    let definition = place.and_then(plane_of);
     let projections = Projections {
         to_lon_lat: place.is_some().then_some(&to_lon_lat as _),
         epsg: place.and_then(EarthPlace::epsg),
@@ -161,10 +167,16 @@ fn write_table(
     let text = match format {
         // A picture of heights has no objects.
         Format::GeoTiff => bytes,
-        _ if is_table(format) => format!("{}, {bytes}", count(report.objects, "row")),
+        _ if format.is_table() => format!("{}, {bytes}", count(report.objects, "row")),
         _ => format!("{}, {bytes}", count(report.objects, "object")),
     };
     Ok((report, text))
+}
+
+/// How the coordinate system of a city is defined; `None` if nobody knows.
+pub(super) fn plane_of(place: &EarthPlace) -> Option<PlaneDefinition> {
+    let (base_epsg, proj, ellipsoid) = place.definition()?;
+    Some(PlaneDefinition { base_epsg, proj: proj.to_owned(), ellipsoid })
 }
 
 /// Which option alone selects nothing, as a reason; `None` if none does.

@@ -17,6 +17,8 @@ mod bake_steps;
 #[cfg(feature = "bake")]
 mod bucket_client;
 #[cfg(feature = "bake")]
+mod changes;
+#[cfg(feature = "bake")]
 mod compare;
 mod error;
 #[cfg(feature = "bake")]
@@ -76,6 +78,8 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Analyse(args) => analyse::run(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Export(args) => export::run(&args),
+        #[cfg(feature = "bake")]
+        ServerCommand::Changes(args) => changes::run(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Compress(args) => mesh::compress(&args),
         #[cfg(feature = "bake")]

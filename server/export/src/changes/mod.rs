@@ -224,6 +224,7 @@ impl CityComparison<'_> {
             names.push(self.cities[city].identifier(shape.object)?);
         }
         names.retain(|name| !name.is_empty());
+        names.sort();
         let number = match shapes[..] {
             [] => return Ok([None, None, None, None]),
             [only] => Some(Value::Integer(i64::from(only.object))),

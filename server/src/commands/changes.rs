@@ -1,0 +1,123 @@
+//! `changes`: what was built, demolished and changed from one city to another.
+
+use super::{
+    error::CommandError,
+    export::{check_table, plane_of},
+    output::print_result,
+};
+use crate::{
+    args::ChangesArgs,
+    store::{CityStore, StoredCity, StoredObjects},
+};
+use insula_bake::read::EarthPlace;
+use insula_command_line::output::Outputs;
+use insula_export::{
+    changes::{ChangeOptions, ChangeReport, manifest_of_both, write_changes},
+    format::Projections,
+    table::ExportError,
+};
+use insula_protocol::text::{count, human_bytes, printable};
+use serde_json::json;
+
+/// Runs `changes`. Fails if a city cannot be read, if both have no coordinate system in common, or if the table cannot be written.
+pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
+    let format = args.format().map_err(CommandError::Usage)?;
+    let (before, after) = (CityStore::open(&args.before)?, CityStore::open(&args.after)?);
+    let manifests = [before.manifest(), after.manifest()];
+    let mut outputs = Outputs::new(args.overwrite).reading([&args.before, &args.after]);
+    check_table(&mut outputs, format, &manifest_of_both(manifests[0], manifests[1]), &args.out)?;
+    let systems = manifests.map(|manifest| manifest.crs.as_deref());
+    let places = systems.map(|system| system.and_then(EarthPlace::of));
+    let [from, to] = [places[0].as_ref(), places[1].as_ref()];
+    let is_one_map = check_systems(args, systems, [from, to])?;
+    let on_map = |place: [f64; 2]| if is_one_map { Some(place) } else { to?.on_map(from?.lon_lat(place)?) };
+
+    let [objects_before, objects_after] = [StoredObjects::open(&before)?, StoredObjects::open(&after)?];
+    let read_before = |kind, id| before.tile(kind, id);
+    let read_after = |kind, id| after.tile(kind, id);
+    let earlier = StoredCity::new(manifests[0], objects_before.schema(), &read_before);
+    let later = StoredCity::new(manifests[1], objects_after.schema(), &read_after);
+
+    let area = |place: Option<&EarthPlace>| {
+        args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)
+    };
+    let areas = area(from)?.zip(area(to)?).map(|(before, after)| [before, after]);
+    let (height_step_m, same_footprint) = (args.height_step, args.same_footprint);
+    let options = ChangeOptions { height_step_m, same_footprint, areas, has_unchanged: args.all };
+    let to_lon_lat = |place: [f64; 2]| to?.lon_lat(place);
+    let definition = to.and_then(plane_of);
+    let projections = Projections {
+        to_lon_lat: to.is_some().then_some(&to_lon_lat as _),
+        epsg: to.and_then(EarthPlace::epsg),
+        definition: definition.as_ref(),
+    };
+    let failed = |error: ExportError| CommandError::Export { path: args.out.clone(), reason: error.to_string() };
+    let changes = write_changes([&earlier, &later], &on_map, &options, (format, &projections), &args.out);
+    report(args, &changes.map_err(failed)?);
+    Ok(())
+}
+
+/// Whether two cities have one map. Fails if places of one cannot be brought onto that of the other.
+fn check_systems(
+    args: &ChangesArgs,
+    [before, after]: [Option<&str>; 2],
+    places: [Option<&EarthPlace>; 2],
+) -> Result<bool, CommandError> {
+    let codes = places.map(|place| place.and_then(EarthPlace::epsg));
+    if before == after || codes[0].is_some() && codes[0] == codes[1] {
+        return Ok(true);
+    }
+    let named = |system: Option<&str>| printable(system.unwrap_or("metres of its own")).to_string();
+    let (from, to) = (named(before), named(after));
+    let (first, second) = (args.before.display(), args.after.display());
+    if places.iter().any(Option::is_none) {
+        return Err(CommandError::Usage(format!(
+            "{first} is in {from}, and {second} in {to}, which cannot be brought together: bake both with the same --crs"
+        )));
+    }
+    if args.area.bbox_metres.is_some() {
+        let reason = "--bbox-metres: the cities have two coordinate systems: give --bbox";
+        return Err(CommandError::Usage(reason.to_owned()));
+    }
+    eprintln!("note: {first} is in {from} and compared in {to}, which may shift it by about a metre");
+    Ok(false)
+}
+
+/// Says what changed.
+fn report(args: &ChangesArgs, changes: &ChangeReport) {
+    let ChangeReport { built, demolished, changed, unchanged, higher, lower, footprint, split, merged, table } =
+        changes;
+    for (reason, number) in &table.skipped {
+        eprintln!("note: {} left out: {reason}", count(*number, "building"));
+    }
+    table.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
+    if changed + unchanged == 0 && built * demolished > 0 {
+        eprintln!("note: no building of one city is where one of the other is: are both of one place?");
+    }
+    if !table.attribution.is_empty() {
+        eprintln!("note: name the source wherever this is shown: {}", printable(&table.attribution));
+    }
+    let facts = json!({
+        "out": args.out.display().to_string(),
+        "rows": table.objects,
+        "bytes": table.bytes,
+        "built": built,
+        "demolished": demolished,
+        "changed": changed,
+        "unchanged": unchanged,
+        "higher": higher,
+        "lower": lower,
+        "footprint": footprint,
+        "split": split,
+        "merged": merged,
+    });
+    let text = format!(
+        "wrote {} ({}, {}): {} built, {demolished} demolished, {changed} changed ({higher} higher, {lower} lower, {footprint} with \
+         another footprint, {split} split, {merged} merged), {unchanged} unchanged\n",
+        args.out.display(),
+        count(table.objects, "row"),
+        human_bytes(table.bytes),
+        count(*built, "building"),
+    );
+    print_result(args.json, &facts, &text);
+}

@@ -1,0 +1,111 @@
+//! `changes` between two bakes of a street, and what it says of cities that have no map in common.
+
+use crate::command_line::call;
+use insula_tests::{tests, trials::Trials};
+use serde_json::{Value, json};
+use std::{ffi::OsStr, fs, path::Path};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![buildings_are_built_demolished_and_changed, cities_without_a_map_in_common_are_refused]);
+}
+
+const DUTCH: (&str, [u32; 2]) = ("EPSG:28992", [85_000, 447_000]);
+const GERMAN: (&str, [u32; 2]) = ("EPSG:25832", [691_000, 5_334_000]);
+const OFF: &str = "OFF\n5 6 0\n0 0 0\n10 0 0\n10 8 0\n0 8 0\n4 3 7\n4 3 2 1 0\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\n";
+
+/// Bakes a city of boxes of an identifier, a place in metres from the corner of the street, and a height.
+fn bake(folder: &Path, name: &str, boxes: &[(&str, [u32; 4], u32)], (crs, corner): (&str, [u32; 2])) {
+    let feature = |(id, [west, south, east, north], height): &(&str, [u32; 4], u32)| {
+        let ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
+            .map(|[x, y]| [corner[0] + x, corner[1] + y]);
+        let geometry = json!({ "type": "Polygon", "coordinates": [ring] });
+        json!({ "type": "Feature", "id": id, "properties": { "height": height }, "geometry": geometry })
+    };
+    let crs = json!({ "type": "name", "properties": { "name": crs } });
+    let features: Vec<Value> = boxes.iter().map(feature).collect();
+    let street = json!({ "type": "FeatureCollection", "crs": crs, "features": features });
+    fs::write(folder.join(format!("{name}.geojson")), street.to_string()).unwrap();
+    let line = format!("bake {name}.geojson --cell 1 --no-street-sets --no-picture --out {name}");
+    let (code, errors) = run(folder, &line);
+    assert_eq!(code, Some(0), "{errors}");
+}
+
+fn run(folder: &Path, line: &str) -> (Option<i32>, String) {
+    call("insula-server", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
+}
+
+fn buildings_are_built_demolished_and_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let before = [
+        ("same", [0, 0, 20, 12], 9),
+        ("higher", [40, 0, 60, 12], 9),
+        ("extended", [80, 0, 100, 12], 9),
+        ("gone", [120, 0, 140, 12], 9),
+        ("west", [160, 0, 170, 12], 9),
+        ("east", [170, 0, 180, 12], 9),
+    ];
+    let after = [
+        ("9", [0, 0, 20, 12], 9),
+        ("8", [40, 0, 60, 12], 12),
+        ("7", [80, 0, 100, 20], 9),
+        ("6", [160, 0, 180, 12], 9),
+        ("5", [0, 40, 20, 52], 6),
+    ];
+    bake(folder, "before", &before, DUTCH);
+    bake(folder, "after", &after, DUTCH);
+    let (code, errors) = run(folder, "changes before after --out changes.geojson");
+    assert_eq!(code, Some(0), "{errors}");
+    let table: Value = serde_json::from_slice(&fs::read(folder.join("changes.geojson")).unwrap()).unwrap();
+    let text = |row: &Value, name: &str| row["properties"][name].as_str().unwrap_or_default().to_owned();
+    let rows = table["features"].as_array().unwrap();
+    let names = ["change", "what", "identifier_before", "identifier_after"];
+    let mut found: Vec<[String; 4]> = rows.iter().map(|row| names.map(|name| text(row, name))).collect();
+    found.sort();
+    let expected = [
+        ["built", "", "", "5"],
+        ["changed", "footprint", "extended", "7"],
+        ["changed", "higher", "higher", "8"],
+        ["changed", "merged", "east; west", "6"],
+        ["demolished", "", "gone", ""],
+    ];
+    assert_eq!(found, expected.map(|row| row.map(str::to_owned)));
+    let higher = &rows.iter().find(|row| text(row, "what") == "higher").unwrap()["properties"];
+    let metres = ["height_m", "height_before_m", "height_after_m"].map(|name| higher[name].as_f64().unwrap().round());
+    assert_eq!(metres, [12.0, 9.0, 12.0]);
+    assert!(rows.iter().all(|row| row["geometry"]["coordinates"].is_array()));
+
+    // The table is a source of its own: a city with the changes as colours.
+    let bake = "bake changes.geojson --cell 1 --no-street-sets --no-picture --out colours";
+    assert_eq!(run(folder, bake).0, Some(0));
+    // Larger steps and other areas have fewer rows.
+    for (options, lines) in [
+        ("--height-step 4", 1 + 4),
+        ("--same-footprint 0.55", 1 + 4),
+        ("--all", 1 + 6),
+        ("--bbox-metres 85000,447030,85100,447100", 1 + 1),
+    ] {
+        let (code, errors) = run(folder, &format!("changes before after --out changes.csv {options}"));
+        assert_eq!(code, Some(0), "{options}: {errors}");
+        let table = fs::read_to_string(folder.join("changes.csv")).unwrap();
+        assert_eq!(table.lines().count(), lines, "{options}: {table}");
+    }
+    let (code, error) = run(folder, "changes before after --out changes.tif");
+    assert!(code == Some(2) && error.contains(".fgb"), "{error}");
+}
+
+fn cities_without_a_map_in_common_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let house = [("a", [0, 0, 20, 12], 9)];
+    bake(folder, "dutch", &house, DUTCH);
+    fs::write(folder.join("a.off"), OFF).unwrap();
+    assert_eq!(run(folder, "bake a.off --no-street-sets --no-picture --out bare").0, Some(0));
+    let (code, error) = run(folder, "changes dutch bare --out changes.csv");
+    assert!(code == Some(2) && error.contains("28992") && error.contains("--crs"), "{error}");
+    assert!(!folder.join("changes.csv").exists());
+    // Another system is another place, but a known one.
+    bake(folder, "german", &house, GERMAN);
+    let (code, error) = run(folder, "changes dutch german --out changes.csv");
+    assert!(code == Some(0) && error.contains("25832") && error.contains("are both of one place"), "{error}");
+}
