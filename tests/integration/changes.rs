@@ -90,6 +90,12 @@ fn buildings_are_built_demolished_and_changed() {
         let table = fs::read_to_string(folder.join("changes.csv")).unwrap();
         assert_eq!(table.lines().count(), lines, "{options}: {table}");
     }
+    let (code, errors) = run(folder, "changes before after --attribute height --out heights.csv");
+    assert_eq!(code, Some(0), "{errors}");
+    let table = fs::read_to_string(folder.join("heights.csv")).unwrap();
+    assert!(table.contains("height: 9 to 12") && table.contains("\"higher, attributes\""), "{table}");
+    let (code, error) = run(folder, "changes before after --attribute colour --out heights.csv");
+    assert!(code == Some(2) && error.contains("--attribute colour"), "{error}");
     let (code, error) = run(folder, "changes before after --out changes.tif");
     assert!(code == Some(2) && error.contains(".fgb"), "{error}");
 }

@@ -121,6 +121,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server analyse", &["time", "times", "time_zone"], TEXT),
     ("insula-server changes", &["before"], ReadsFolder("changes {} city --out new.csv")),
     ("insula-server changes", &["after"], ReadsFolder("changes city {} --out new.csv")),
+    ("insula-server changes", &["attribute"], TEXT),
     ("insula-server changes", &["out"], Writes("changes city city --out {}", ".csv")),
     ("insula-server export", &["polygon"], Reads("export city --format csv --out new.csv --polygon {}", ".geojson")),
     ("insula-server export", &["view"], Reads("export city --format glb --out new.glb --camera {}", ".json")),

@@ -153,6 +153,9 @@ pub struct ChangesArgs {
     /// Footprints are the same if what they have in common is at least this share of both together, 0.5 to 1
     #[arg(long, value_name = "SHARE", default_value = "0.9", value_parser = parse_overlap, allow_negative_numbers = true)]
     pub same_footprint: f64,
+    /// Attribute whose values are compared, too; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub attribute: Vec<String>,
     /// List the buildings that did not change, too
     #[arg(long)]
     pub all: bool,

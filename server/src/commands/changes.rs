@@ -42,8 +42,19 @@ pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
         args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)
     };
     let areas = area(from)?.zip(area(to)?).map(|(before, after)| [before, after]);
-    let (height_step_m, same_footprint) = (args.height_step, args.same_footprint);
-    let options = ChangeOptions { height_step_m, same_footprint, areas, has_unchanged: args.all };
+    let schemas = [objects_before.schema(), objects_after.schema()];
+    let is_unknown = |name: &&String| schemas.iter().all(|schema| schema.index_of(name).is_none());
+    if let Some(name) = args.attribute.iter().find(is_unknown) {
+        let reason = "neither city has it; `insula-server objects CITY` lists the attributes";
+        return Err(CommandError::Usage(format!("--attribute {}: {reason}", printable(name))));
+    }
+    let options = ChangeOptions {
+        height_step_m: args.height_step,
+        same_footprint: args.same_footprint,
+        areas,
+        has_unchanged: args.all,
+        attributes: args.attribute.clone(),
+    };
     let to_lon_lat = |place: [f64; 2]| to?.lon_lat(place);
     let definition = to.and_then(plane_of);
     let projections = Projections {
@@ -85,8 +96,19 @@ fn check_systems(
 
 /// Says what changed.
 fn report(args: &ChangesArgs, changes: &ChangeReport) {
-    let ChangeReport { built, demolished, changed, unchanged, higher, lower, footprint, split, merged, table } =
-        changes;
+    let ChangeReport {
+        built,
+        demolished,
+        changed,
+        unchanged,
+        higher,
+        lower,
+        footprint,
+        split,
+        merged,
+        attributes,
+        table,
+    } = changes;
     for (reason, number) in &table.skipped {
         eprintln!("note: {} left out: {reason}", count(*number, "building"));
     }
@@ -110,10 +132,15 @@ fn report(args: &ChangesArgs, changes: &ChangeReport) {
         "footprint": footprint,
         "split": split,
         "merged": merged,
+        "attributes": attributes,
     });
+    let others = match args.attribute.is_empty() {
+        true => String::new(),
+        false => format!(", {attributes} with other attributes"),
+    };
     let text = format!(
         "wrote {} ({}, {}): {} built, {demolished} demolished, {changed} changed ({higher} higher, {lower} lower, {footprint} with \
-         another footprint, {split} split, {merged} merged), {unchanged} unchanged\n",
+         another footprint, {split} split, {merged} merged{others}), {unchanged} unchanged\n",
         args.out.display(),
         count(table.objects, "row"),
         human_bytes(table.bytes),

@@ -5,7 +5,9 @@
 //! | `shapes` | the footprints of the buildings of a city |
 //! | `pairs` | buildings of two cities that overlap |
 //! | `groups` | which of them are the same, and which were split or merged |
+//! | `attributes` | attributes that are others than before |
 
+mod attributes;
 mod groups;
 mod pairs;
 mod shapes;
@@ -23,6 +25,7 @@ use crate::{
         write_rows,
     },
 };
+use attributes::ComparedAttributes;
 use groups::ChangeGroups;
 use insula_objects::{FeatureKind, Value, ValueType};
 use insula_protocol::Manifest;
@@ -34,8 +37,8 @@ const AROUND_M: f64 = 200.0;
 /// Tiles round heights: so much of a step is one.
 const NEARLY: f64 = 0.99;
 
-/// The columns: name, type and unit.
-const COLUMNS: [(&str, ValueType, Option<&str>); 12] = [
+/// The columns: name, type and unit. The last one only if attributes are compared.
+const COLUMNS: [(&str, ValueType, Option<&str>); 13] = [
     ("change", ValueType::Text, None),
     ("what", ValueType::Text, None),
     ("height_m", ValueType::Float, Some("m")),
@@ -48,10 +51,11 @@ const COLUMNS: [(&str, ValueType, Option<&str>); 12] = [
     ("height_after_m", ValueType::Float, Some("m")),
     ("area_after_m2", ValueType::Float, Some("m2")),
     ("overlap", ValueType::Float, None),
+    ("attributes", ValueType::Text, None),
 ];
 
 /// What counts as a change.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct ChangeOptions {
     /// Least difference of heights in metres.
     pub height_step_m: f64,
@@ -61,6 +65,8 @@ pub struct ChangeOptions {
     pub areas: Option<[[[f64; 2]; 2]; 2]>,
     /// Unchanged buildings have rows, too.
     pub has_unchanged: bool,
+    /// Names of attributes whose values are compared.
+    pub attributes: Vec<String>,
 }
 
 /// How many buildings changed. Of those that did, each has one or more of the reasons.
@@ -78,6 +84,8 @@ pub struct ChangeReport {
     pub split: u64,
     /// Of several earlier buildings.
     pub merged: u64,
+    /// With another value of a compared attribute.
+    pub attributes: u64,
     /// What was written.
     pub table: ExportReport,
 }
@@ -115,9 +123,11 @@ pub fn write_changes(
     ];
     let groups = ChangeGroups::new(&shapes[0], &shapes[1], options.same_footprint);
     let manifest = manifest_of_both(before.manifest, after.manifest);
-    let comparison = CityComparison { cities: [before, after], shapes, options };
+    let cities = [before, after];
+    let attributes = ComparedAttributes::new(&options.attributes, &cities);
+    let comparison = CityComparison { cities, shapes, options, attributes };
     let mut changes = ChangeReport::default();
-    let fields = own_fields(&COLUMNS);
+    let fields = own_fields(&COLUMNS[..COLUMNS.len() - usize::from(options.attributes.is_empty())]);
     let mut table = write_rows((format, false), &manifest, &fields, projections, out, &mut |writer, report| {
         for (members, overlap) in groups.iter() {
             for record in comparison.rows(members, overlap, &mut changes)? {
@@ -141,6 +151,7 @@ struct CityComparison<'a> {
     cities: [City<'a>; 2],
     shapes: [BuildingShapes; 2],
     options: &'a ChangeOptions,
+    attributes: ComparedAttributes,
 }
 
 impl CityComparison<'_> {
@@ -160,11 +171,17 @@ impl CityComparison<'_> {
                 continue;
             }
             let (own, none): (&[u32], &[u32]) = (std::slice::from_ref(index), &[]);
+            let others = self.other_attributes([&before, &after])?;
             let (change, what, sides) = match (before.is_empty(), after.is_empty()) {
                 (true, _) => ("built", String::new(), [none, own]),
                 (_, true) => ("demolished", String::new(), [own, none]),
                 _ => {
-                    let what = self.what_changed([&before, &after], shape, overlap, changes);
+                    let mut what = self.what_changed([&before, &after], shape, overlap, changes);
+                    if !others.is_empty() {
+                        what.push("attributes");
+                        changes.attributes += 1;
+                    }
+                    let what = what.join(", ");
                     (if what.is_empty() { "unchanged" } else { "changed" }, what, [&before[..], own])
                 }
             };
@@ -183,6 +200,7 @@ impl CityComparison<'_> {
             values.extend(self.side(0, sides[0])?);
             values.extend(self.side(1, sides[1])?);
             values.push((overlap > 0.0).then(|| rounded(overlap)));
+            values.push(text(&others.join("; ")));
             rows.push(self.record(city, shape, values));
         }
         Ok(rows)
@@ -195,7 +213,7 @@ impl CityComparison<'_> {
         shape: &BuildingShape,
         overlap: f64,
         changes: &mut ChangeReport,
-    ) -> String {
+    ) -> Vec<&'static str> {
         let earlier = before.iter().map(|index| self.shapes[0].all[*index as usize].height_m()).fold(0.0, f64::max);
         let (rise, step) = (shape.height_m() - earlier, NEARLY * self.options.height_step_m);
         let reasons = [
@@ -212,7 +230,14 @@ impl CityComparison<'_> {
                 *number += 1;
             }
         }
-        words.join(", ")
+        words
+    }
+
+    /// What is another value of a building that is one before and after. Fails if a city cannot be read.
+    fn other_attributes(&self, buildings: [&[u32]; 2]) -> Result<Vec<String>, ExportError> {
+        let ([before], [after]) = (buildings[0], buildings[1]) else { return Ok(Vec::new()) };
+        let number = |city: usize, index: u32| self.shapes[city].all[index as usize].object;
+        self.attributes.others(&self.cities, [number(0, *before), number(1, *after)])
     }
 
     /// Number, identifiers, height of the highest, and area of the buildings of one city.
@@ -269,8 +294,13 @@ mod tests {
     use crate::table::test_city::{BUILDING, COURT, HOUSE, ORIGIN, TestCity};
     use std::collections::BTreeMap;
 
-    const OPTIONS: ChangeOptions =
-        ChangeOptions { height_step_m: 1.0, same_footprint: 0.9, areas: None, has_unchanged: true };
+    const OPTIONS: ChangeOptions = ChangeOptions {
+        height_step_m: 1.0,
+        same_footprint: 0.9,
+        areas: None,
+        has_unchanged: true,
+        attributes: Vec::new(),
+    };
 
     /// Of a city of meshes and one of columns, of which the first is moved to the east.
     fn compare(east_m: f64, options: &ChangeOptions) -> (ChangeReport, Vec<BTreeMap<String, String>>) {
