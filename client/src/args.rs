@@ -318,7 +318,7 @@ pub struct SunArgs {
     /// Date and time of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00)
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with = "sun")]
     pub time: Option<SunTime>,
-    /// Fixed position of the sun: degrees clockwise from north, and above the horizon
+    /// Fixed position of the sun: degrees clockwise from the map's north, and above the horizon
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
     /// How the city is shown: model (a white model by day), physical (light as measured) or paper (even light, for reports) [default:

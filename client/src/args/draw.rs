@@ -70,7 +70,7 @@ pub struct DrawArgs {
     /// Date and time of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00).
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with = "sun")]
     pub time: Option<SunTime>,
-    /// Position of the sun: degrees clockwise from north, and above the horizon.
+    /// Position of the sun: degrees clockwise from the map's north, and above the horizon.
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
     #[command(flatten)]

@@ -248,7 +248,7 @@ fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
     style.look = args.look.unwrap_or(style.look);
     if args.sun.is_some() || args.time.is_some() {
         let options = SunOptions { time: args.time, bearing: args.sun, ..SunOptions::default() };
-        let bearing = Daylight::new(&options, source.manifest()).bearing();
+        let bearing = Daylight::new(&options, source.manifest()).map_bearing();
         if bearing.altitude_deg < 0.0 {
             return Err(ClientError::Usage("the sun is below the horizon: choose another --time or --sun".into()));
         }

@@ -250,12 +250,17 @@ impl Daylight {
         bearing_at(self.julian_date()?, self.site.location, Some(RefractionCorrection::standard()))
     }
 
+    /// The sun as the map shows it: clockwise from the map's north.
+    pub fn map_bearing(&self) -> Bearing {
+        let Bearing { azimuth_deg, altitude_deg } = self.bearing();
+        // A fixed bearing is measured from there.
+        let north_deg = if self.fixed_bearing.is_some() { 0.0 } else { self.site.north_deg };
+        Bearing { azimuth_deg: (azimuth_deg + north_deg).rem_euclid(360.0), altitude_deg }
+    }
+
     /// Unit vector towards the sun, in the city's coordinates.
     pub fn direction(&self) -> DVec3 {
-        let Bearing { azimuth_deg, altitude_deg } = self.bearing();
-        // A fixed bearing is measured from the grid's north.
-        let north_deg = if self.fixed_bearing.is_some() { 0.0 } else { self.site.north_deg };
-        Bearing { azimuth_deg: azimuth_deg + north_deg, altitude_deg }.direction()
+        self.map_bearing().direction()
     }
 
     /// Unit vector towards the moon, in the city's coordinates. `None` with a fixed bearing of the sun, which has no date.

@@ -139,7 +139,7 @@ fn light(request: &DrawRequest) -> String {
         return request.note.clone();
     }
     let [azimuth, altitude] = request.style.sun.map(|degrees| at_most(degrees, 1));
-    let sun = format!("Sun {azimuth}\u{b0} from north, {altitude}\u{b0} above the horizon");
+    let sun = format!("Sun {azimuth}\u{b0} from the map's north, {altitude}\u{b0} above the horizon");
     if request.date.is_empty() { sun } else { format!("{}. {sun}", request.date) }
 }
 

@@ -26,7 +26,7 @@ pub struct Stylesheet {
     pub look: Look,
     /// Smallest angle between the faces of a crease, in degrees.
     pub crease_deg: f64,
-    /// Direction of the light: degrees clockwise from north, and above the horizon.
+    /// Direction of the light: degrees clockwise from the map's north, and above the horizon.
     pub sun: [f64; 2],
     /// Whether the shadows of the sun are drawn.
     pub shadows: bool,
