@@ -6,6 +6,8 @@ use glam::DVec3;
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 /// Points this near to a plane are on it, in metres. Stored meshes are rounded more coarsely.
 pub(crate) const ON_PLANE_M: f64 = 1e-4;
+/// Estimated memory of a face with its points.
+pub(crate) const FACE_BYTES: usize = 256;
 
 /// A plane: `normal . p = offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,6 +130,12 @@ impl Face {
         let first = self.points[0];
         0.5 * self.points.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>().length()
     }
+}
+
+/// Lowest and highest coordinates of faces.
+pub(crate) fn bounds_of<'a>(faces: impl Iterator<Item = &'a Face>) -> [DVec3; 2] {
+    let points = faces.flat_map(|face| &face.points);
+    points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }
 
 /// Where an edge crosses a plane; the same for both directions of the edge.

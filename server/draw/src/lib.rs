@@ -3,12 +3,13 @@
 //! | module | contents |
 //! |---|---|
 //! | `error` | why a drawing failed; progress |
-//! | `limits`, `options` | how much a drawing may be; what is drawn, as JSON |
+//! | `limits`, `request`, `options` | how much a drawing may be; what is drawn, also as JSON |
 //! | `style`, `sheet`, `legend` | the stylesheet; paper, title block, scale bar and north arrow; what colours mean |
 //! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
 //! | `view` | from the scene to the page |
+//! | `part` | a part of a city, read and sorted once for all views of it |
 //! | `terrain` | terrain with no more triangles than the view needs |
-//! | `bsp` | faces in the order of their distance |
+//! | `bsp`, `volume` | faces in the order of their distance; what a view shows of space |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
 //! | `overlap` | whether visible parts overlap |
@@ -35,9 +36,11 @@ pub mod options;
 mod overlap;
 mod paint;
 mod paint_order;
+mod part;
 mod pdf;
 pub mod picture;
 pub mod pipeline;
+mod request;
 mod scene;
 mod shadow;
 pub mod sheet;
@@ -46,8 +49,11 @@ pub mod svg;
 mod terrain;
 mod tone;
 pub mod view;
+mod volume;
 mod warnock;
 
 pub use error::DrawError;
 pub use limits::DrawLimits;
-pub use pipeline::{DrawRequest, draw};
+pub use part::DrawnPart;
+pub use pipeline::{draw, draw_part};
+pub use request::DrawRequest;

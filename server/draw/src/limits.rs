@@ -3,7 +3,7 @@
 /// Most triangles and parts of a drawing. The default is what a machine with 8 GiB of memory draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DrawLimits {
-    /// Triangles that are read, and faces after the splits of the BSP tree. Each takes about a kilobyte until the drawing is written.
+    /// Triangles that are read. Each takes about a kilobyte until the drawing is written. The BSP tree may split them into twice as many.
     pub triangles: usize,
     /// Visible parts of surfaces before they are joined.
     pub parts: usize,
@@ -16,6 +16,11 @@ impl Default for DrawLimits {
 }
 
 impl DrawLimits {
+    /// Most faces of a view after the splits of the BSP tree, and most splits.
+    pub(crate) fn faces(&self) -> usize {
+        self.triangles.saturating_mul(2)
+    }
+
     /// Limits of a drawing of so many triangles. Splits and parts get a multiple of them.
     #[must_use]
     pub fn of_triangles(triangles: usize) -> Self {

@@ -4,7 +4,7 @@ use crate::{
     error::DrawError,
     file::DrawingFormat,
     limits::DrawLimits,
-    pipeline::DrawRequest,
+    request::DrawRequest,
     sheet::Paper,
     style::{Stylesheet, parse_look},
     view::DrawView,
@@ -81,8 +81,14 @@ impl DrawingOptions {
         serde_json::from_slice(json).map_err(|error| DrawError::Invalid(error.to_string()))
     }
 
-    /// What is drawn of a city. Fails if a value is out of range, or the objects that the filter needs cannot be read.
-    pub fn request(self, source: &dyn ExportSource, limits: DrawLimits) -> Result<DrawRequest, DrawError> {
+    /// Names the part of the city that is drawn, and its detail: drawings of one name may share a [`DrawnPart`](crate::DrawnPart).
+    #[must_use]
+    pub fn part_name(&self) -> String {
+        format!("{:?} {:?} {:?}", self.bbox, self.scale, self.filter)
+    }
+
+    /// How a city is drawn, without the [selection](Self::selection), which takes longer. Fails if a value is out of range.
+    pub fn request(&self, source: &dyn ExportSource, limits: DrawLimits) -> Result<DrawRequest, DrawError> {
         let view = self.view()?;
         let scale = self.scale.as_deref().map(parse_scale).transpose()?;
         if scale.is_some() && self.view.is_some() {
@@ -110,15 +116,13 @@ impl DrawingOptions {
             },
             None => None,
         };
-        // The filter is last: it reads all objects.
-        let selection = self.selection(source)?;
         Ok(DrawRequest {
             view,
-            selection,
+            selection: ObjectSelection::default(),
             paper,
             scale,
             is_bare: self.bare,
-            title: self.title,
+            title: self.title.clone(),
             style,
             is_checked: false,
             is_sheet: self.sheet,
@@ -151,7 +155,8 @@ impl DrawingOptions {
         }
     }
 
-    fn selection(&self, source: &dyn ExportSource) -> Result<ObjectSelection, DrawError> {
+    /// What is drawn of a city: with a filter, after reading all of its objects. Fails if these cannot be read, or a value is invalid.
+    pub fn selection(&self, source: &dyn ExportSource) -> Result<ObjectSelection, DrawError> {
         let bbox = match self.bbox {
             Some([west, south, east, north]) => {
                 let is_area =

@@ -1,7 +1,6 @@
-//! Makes a drawing: reads the scene, culls faces, sorts them, removes hidden parts, and joins the visible ones.
+//! Makes a drawing: reads the scene, sorts the faces that a view shows, removes hidden parts, and joins the visible ones.
 
 use crate::{
-    bsp::BspTree,
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
     error::{DrawError, DrawProgress, DrawStep, advance},
@@ -9,53 +8,26 @@ use crate::{
     hatch::hatched,
     join::{Rings, unions},
     legend::{legend_items, visible_legend},
-    limits::DrawLimits,
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
     overlap::largest_overlap,
     paint::attribute_colors,
     paint_order::coats,
-    scene::{DrawnScene, clip, turned},
+    part::DrawnPart,
+    request::{DrawRequest, LOD_ERROR_MM},
+    scene::DrawnScene,
     shadow::{plane_key, shadows},
-    sheet::{Paper, TitleBlock, sheet_items},
+    sheet::{TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
     terrain::refine_terrain,
     tone::{Tones, towards_sun},
     view::{DrawView, PaperGrid, Projection, ViewAxes},
+    volume::ViewVolume,
     warnock::{PagePolygon, VisiblePart, visible_parts},
 };
-use insula_export::{selection::ObjectSelection, source::ExportSource};
-use insula_objects::{ColorBy, FeatureKind};
+use insula_export::source::ExportSource;
+use insula_objects::FeatureKind;
 use insula_protocol::{mesh_tile::NO_OBJECT, text::at_most};
 use std::collections::{BTreeMap, HashSet};
-
-/// Terrain, and if the scale is given all levels of detail, may be wrong by this much on paper, in millimetres.
-const LOD_ERROR_MM: f64 = 0.05;
-
-/// What is drawn and how.
-#[derive(Debug, Clone)]
-pub struct DrawRequest {
-    pub view: DrawView,
-    pub selection: ObjectSelection,
-    pub paper: Paper,
-    /// The scale is one to this; `None` for the largest round one at which the selection fits.
-    pub scale: Option<f64>,
-    /// Whether the drawing fills the paper, without margins and title block.
-    pub is_bare: bool,
-    /// Title of the sheet; that of the city if `None`.
-    pub title: Option<String>,
-    pub style: Stylesheet,
-    /// Whether all pairs of visible parts are checked for overlaps, which takes as long as some of the drawing.
-    pub is_checked: bool,
-    /// Whether formats that draw in metres draw the sheet of paper instead, in millimetres.
-    pub is_sheet: bool,
-    /// Date and time of the light for the title block; empty if it is not known.
-    pub date: String,
-    /// What the title block says in place of the light; empty if that.
-    pub note: String,
-    /// Colours of objects by an attribute, in place of those by kind.
-    pub color_by: Option<ColorBy>,
-    pub limits: DrawLimits,
-}
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
 pub fn draw(
@@ -63,51 +35,59 @@ pub fn draw(
     request: &DrawRequest,
     progress: DrawProgress<'_>,
 ) -> Result<Drawing, DrawError> {
-    if request.scale.is_some_and(|scale| !(1.0..=10_000_000.0).contains(&scale)) {
-        return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
-    }
-    let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
-    let mut scene = DrawnScene::read(source, &request.selection, (error_m, request.limits.triangles), progress)?;
-    let axes = ViewAxes::new(&request.view, scene.origin)?;
+    let part = DrawnPart::read(source, request, progress)?;
+    draw_part(source, &part, request, progress)
+}
+
+/// Draws a view of a part that was read for a request of the same selection and scale. Fails as [`draw`] does.
+pub fn draw_part(
+    source: &dyn ExportSource,
+    part: &DrawnPart,
+    request: &DrawRequest,
+    progress: DrawProgress<'_>,
+) -> Result<Drawing, DrawError> {
+    request.error_m()?;
+    let axes = ViewAxes::new(&request.view, part.scene.origin)?;
     let frame = request.paper.frame(request.is_bare);
-    let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
+    let points = part.scene.faces.iter().flat_map(|face| face.points.iter().copied());
     let projection = Projection::new(axes, frame, request.scale, points);
-    let read = scene.faces.len();
-    if scene.has_terrain {
-        refine_terrain(&mut scene, &projection, LOD_ERROR_MM);
-    }
+    let read = part.scene.faces.len();
+    // Terrain that is refined for the view is a scene of its own, which no other view shares.
+    let refined = if part.scene.has_terrain { refine_terrain(&part.scene, &projection, LOD_ERROR_MM) } else { None };
+    let refined = refined.map(DrawnPart::of);
+    let part = refined.as_ref().unwrap_or(part);
+    let scene = &part.scene;
     let colors = match &request.color_by {
         Some(color_by) => attribute_colors(source, &scene.objects, color_by)?,
         None => Vec::new(),
     };
     let grid = PaperGrid::new(request.paper.size_mm);
-    let stage = Stage { scene: &scene, projection, grid, colors, request };
-    let facing = stage.facing();
+    let volume = projection.volume(part.bounds());
+    let stage = Stage { part, scene, projection, volume, grid, colors, request };
+    let faces = part.front_to_back(stage.projection.axes.eye(), &stage.volume, request.limits.faces(), progress)?;
     let mut counts = DrawingCounts {
         read,
         triangles: scene.faces.len(),
-        facing: facing.len(),
+        facing: faces.iter().map(|face| face.triangle).collect::<HashSet<_>>().len(),
+        sorted: faces.len(),
         without_mesh: scene.without_mesh,
         ..DrawingCounts::default()
     };
-    let first_cut = scene.edges.len() as u32;
-    let tree = BspTree::new(facing, first_cut, request.limits.triangles, progress)?;
-    counts.sorted = tree.len();
-    let polygons = stage.polygons(&tree);
+    let polygons = stage.polygons(faces);
     let parts = visible_parts(&polygons, stage.grid.rect(&frame), request.limits.parts, progress)?;
     counts.parts = parts.len();
     if parts.is_empty() {
         return Err(DrawError::Empty);
     }
     let largest_overlap = request.is_checked.then(|| stage.largest_overlap(&polygons, &parts));
-    let mut objects = Objects::new(&scene);
+    let mut objects = Objects::new(scene);
     let style = &request.style;
     objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
     if style.shadows && style.sun[1] > 0.0 {
         objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
     }
     objects.add_hatching(style, &stage.grid, progress)?;
-    objects.add_lines(stage.lines(&polygons, &parts, &tree), &request.style);
+    objects.add_lines(stage.lines(&polygons, &parts), &request.style);
     let block = title_block(source, request, &stage.projection);
     let mut sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
     if let Some(color_by) = request.color_by.as_ref().filter(|_| !request.is_bare) {
@@ -166,8 +146,11 @@ fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Pr
 
 /// A scene and how it is seen.
 struct Stage<'a> {
+    part: &'a DrawnPart,
+    /// That of the part.
     scene: &'a DrawnScene,
     projection: Projection,
+    volume: ViewVolume,
     grid: PaperGrid,
     /// Of the objects that have one by an attribute; empty if there are none.
     colors: Vec<Option<Rgb>>,
@@ -179,34 +162,15 @@ type Ends = [PagePoint; 2];
 type ShapeKey = (u32, Rgb);
 
 impl Stage<'_> {
-    /// The faces in the view that may be seen. Of closed objects, only those towards the eye can; faces of open ones are turned to it.
-    fn facing(&self) -> Vec<Face> {
-        let eye = self.projection.axes.eye();
-        let planes = self.projection.planes();
-        let is_open = self.scene.open_objects();
-        let (mut facing, mut backs) = (Vec::new(), Vec::new());
-        for (face, object) in self.scene.faces.iter().zip(&self.scene.face_objects) {
-            let is_front = eye.is_front(&face.plane);
-            if is_front || is_open[*object as usize] {
-                let (face, list) = if is_front { (face.clone(), &mut facing) } else { (turned(face), &mut backs) };
-                list.extend(clip(face, &planes));
-            }
-        }
-        // Of surfaces in one place, the first one is seen.
-        facing.append(&mut backs);
-        facing
-    }
-
-    fn polygons(&self, tree: &BspTree) -> Vec<PagePolygon> {
-        let faces = tree.front_to_back(self.projection.axes.eye());
-        let project = |face: &Face| {
+    fn polygons(&self, faces: Vec<Face>) -> Vec<PagePolygon> {
+        let project = |face: Face| {
             let points = face.points.iter().map(|p| self.grid.point(self.projection.project(*p))).collect();
-            let shape = Convex { points, edges: face.edges.clone() };
+            let shape = Convex { points, edges: face.edges };
             let bounds = PageRect::of(&shape.points);
             let is_opaque = self.request.style.opacity(self.scene.object(face.triangle).kind) >= 1.0;
             (shape.twice_area() > 0).then_some(PagePolygon { shape, bounds, triangle: face.triangle, is_opaque })
         };
-        faces.filter_map(project).collect()
+        faces.into_iter().filter_map(project).collect()
     }
 
     fn shapes(
@@ -261,10 +225,10 @@ impl Stage<'_> {
     ) -> Result<BTreeMap<u32, Rings>, DrawError> {
         let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
         let sun = towards_sun(&self.request.style);
-        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (self.request.limits, progress))
+        shadows(self.part, sun, (&self.projection, &self.grid), visible, (self.request.limits, progress))
     }
 
-    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], tree: &BspTree) -> Vec<(u32, LineRole, Ends)> {
+    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart]) -> Vec<(u32, LineRole, Ends)> {
         let first_cut = self.scene.edges.len() as u32;
         let mut edges: Vec<EdgePart> = Vec::new();
         for part in parts {
@@ -280,9 +244,9 @@ impl Stage<'_> {
         };
         // Land that passes through land is no line.
         let meetings = |cut: u32, face: u32| {
-            let is_asked = |other: &Face| !is_land(face) || !is_land(other.triangle);
+            let is_asked = |other: u32| !is_land(face) || !is_land(other);
             let plane = &self.scene.faces[face as usize].plane;
-            let ends = tree.meetings(cut as usize, plane, is_asked).into_iter();
+            let ends = self.part.meetings(cut, plane, (eye, &self.volume), is_asked).into_iter();
             ends.map(|ends| ends.map(|point| self.grid.point(self.projection.project(point)))).collect()
         };
         let lines = visible_lines(edges, first_cut, class, meetings).into_iter();

@@ -2,7 +2,7 @@
 
 use crate::{
     error::{DrawError, DrawProgress, DrawStep, advance},
-    face::{Face, FacePlane, NO_EDGE},
+    face::{FACE_BYTES, Face, FacePlane, NO_EDGE},
 };
 use glam::DVec3;
 use insula_export::{
@@ -87,32 +87,45 @@ impl DrawnScene {
         if reader.scene.faces.is_empty() { Err(DrawError::Empty) } else { Ok(reader.scene) }
     }
 
-    /// Puts the mesh of an object in the place of the faces for which `is_replaced` is true.
-    pub(crate) fn replace_faces(&mut self, is_replaced: &[bool], mesh: &SceneMesh, object: u32) {
-        let old = std::mem::take(&mut self.faces).into_iter().zip(std::mem::take(&mut self.face_objects));
+    /// The scene with the mesh of an object in the place of the faces for which `is_replaced` is true.
+    #[must_use]
+    pub(crate) fn with_faces_replaced(&self, is_replaced: &[bool], mesh: &SceneMesh, object: u32) -> Self {
+        let (origin, objects) = (self.origin, self.objects.clone());
+        let (has_terrain, without_mesh) = (self.has_terrain, self.without_mesh);
+        let mut scene = Self { origin, objects, has_terrain, without_mesh, ..Self::default() };
+        let old = self.faces.iter().zip(&self.face_objects);
         let kept = old.zip(is_replaced).filter(|(_, is_replaced)| !**is_replaced).map(|(face, _)| face);
         let (mut edges, mut known) = (Vec::new(), HashMap::new());
-        for (mut face, object) in kept {
-            face.triangle = self.faces.len() as u32;
+        for (face, object) in kept {
+            let mut face = face.clone();
+            face.triangle = scene.faces.len() as u32;
             for edge in face.edges.iter_mut().filter(|edge| **edge != NO_EDGE) {
                 *edge = edge_of_face(&mut known, EdgeName::Old(*edge), face.triangle, &mut edges);
             }
-            self.faces.push(face);
-            self.face_objects.push(object);
+            scene.faces.push(face);
+            scene.face_objects.push(*object);
         }
         for corners in &mesh.triangles {
             let Some(plane) = FacePlane::of(corners.map(|v| mesh.points[v as usize])) else { continue };
-            let triangle = self.faces.len() as u32;
+            let triangle = scene.faces.len() as u32;
             let name = |k: usize| {
                 let [a, b] = [corners[k], corners[(k + 1) % 3]];
                 EdgeName::New([a.min(b), a.max(b)])
             };
             let names = [0, 1, 2].map(|k| edge_of_face(&mut known, name(k), triangle, &mut edges)).to_vec();
             let points = corners.map(|v| mesh.points[v as usize]).to_vec();
-            self.faces.push(Face { points, edges: names, plane, triangle });
-            self.face_objects.push(object);
+            scene.faces.push(Face { points, edges: names, plane, triangle });
+            scene.face_objects.push(object);
         }
-        self.edges = edges;
+        scene.edges = edges;
+        scene
+    }
+
+    /// Estimated memory.
+    pub(crate) fn byte_len(&self) -> usize {
+        let faces = self.faces.len() * (FACE_BYTES + size_of::<u32>());
+        let identifiers: usize = self.objects.iter().map(|object| object.identifier.len()).sum();
+        faces + self.edges.len() * size_of::<SceneEdge>() + self.objects.len() * size_of::<LeafObject>() + identifiers
     }
 
     /// Whether each object has surfaces that end above its foot, so that the backs of others may be seen.

@@ -4,14 +4,16 @@
 //! drawing without its lit parts. Faces that are turned away from the sun have no shadows; their colour shows it.
 
 use crate::{
-    bsp::{BspTree, Eye},
+    bsp::Eye,
     convex::{Convex, PagePoint, PageRect},
     error::{DrawError, DrawProgress},
     face::{Face, FacePlane, NO_EDGE},
     join::{Rings, difference, unions, without_narrow},
     limits::DrawLimits,
-    scene::{DrawnScene, clip, turned},
+    part::DrawnPart,
+    scene::{DrawnScene, clip},
     view::{PaperGrid, PaperRect, Projection, ViewAxes},
+    volume::ViewVolume,
     warnock::{PagePolygon, visible_parts},
 };
 use glam::{DVec2, DVec3};
@@ -40,12 +42,13 @@ pub(crate) fn plane_key(scene: &DrawnScene, face: u32) -> PlaneKey {
 /// The shadows on each object, for the visible parts of the drawing with their faces. Fails if there are too many parts, or if it is
 /// stopped.
 pub(crate) fn shadows(
-    scene: &DrawnScene,
+    part: &DrawnPart,
     towards_sun: DVec3,
     (projection, grid): (&Projection, &PaperGrid),
     visible: impl Iterator<Item = (u32, Vec<PagePoint>)>,
     (limits, progress): (DrawLimits, DrawProgress<'_>),
 ) -> Result<BTreeMap<u32, Rings>, DrawError> {
+    let scene = &part.scene;
     let mut shown: BTreeMap<PlaneKey, Rings> = BTreeMap::new();
     for (face, ring) in visible {
         if scene.faces[face as usize].plane.normal.dot(towards_sun) > 0.0 {
@@ -53,7 +56,7 @@ pub(crate) fn shadows(
         }
     }
     let mut lit: BTreeMap<PlaneKey, Rings> = shown.keys().map(|key| (*key, Rings::new())).collect();
-    for face in lit_faces(scene, towards_sun, limits, progress)? {
+    for face in lit_faces(part, towards_sun, limits, progress)? {
         let Some(rings) = lit.get_mut(&plane_key(scene, face.triangle)) else { continue };
         let planes = projection.planes();
         rings.extend(clip(face, &planes).and_then(|face| ring_of(&face, projection, grid)));
@@ -85,22 +88,18 @@ fn ring_of(face: &Face, projection: &Projection, grid: &PaperGrid) -> Option<Vec
 
 /// The parts of faces that the sun sees.
 fn lit_faces(
-    scene: &DrawnScene,
+    part: &DrawnPart,
     towards_sun: DVec3,
     limits: DrawLimits,
     progress: DrawProgress<'_>,
 ) -> Result<Vec<Face>, DrawError> {
+    let scene = &part.scene;
     let axes = ViewAxes::towards(-towards_sun);
     let frame = PaperRect { min: [0.0; 2], max: [SUN_PAGE_MM; 2] };
     let grid = PaperGrid::new([SUN_PAGE_MM; 2]);
     let sun = Projection::new(axes, frame, None, scene.faces.iter().flat_map(|face| face.points.iter().copied()));
-    let is_open = scene.open_objects();
-    let facing = scene.faces.iter().zip(&scene.face_objects).filter_map(|(face, object)| {
-        let is_front = face.plane.normal.dot(towards_sun) > 0.0;
-        (is_front || is_open[*object as usize]).then(|| if is_front { face.clone() } else { turned(face) })
-    });
-    let tree = BspTree::new(facing.collect(), NO_EDGE, limits.triangles, progress)?;
-    let project = |face: &Face| {
+    let faces = part.front_to_back(Eye::Direction(towards_sun), &ViewVolume::default(), limits.faces(), progress)?;
+    let project = |face: Face| {
         let points = face.points.iter().map(|p| grid.point(sun.project(*p))).collect();
         let shape = Convex { points, edges: vec![NO_EDGE; face.points.len()] };
         let bounds = PageRect::of(&shape.points);
@@ -108,8 +107,7 @@ fn lit_faces(
         let is_opaque = scene.has_terrain || scene.object(face.triangle).kind != FeatureKind::Relief;
         (shape.twice_area() > 0).then_some(PagePolygon { shape, bounds, triangle: face.triangle, is_opaque })
     };
-    let polygons: Vec<PagePolygon> = tree.front_to_back(Eye::Direction(towards_sun)).filter_map(project).collect();
-    drop(tree);
+    let polygons: Vec<PagePolygon> = faces.into_iter().filter_map(project).collect();
     let parts = visible_parts(&polygons, grid.rect(&frame), limits.parts, progress)?;
     let lift = |polygon: u32, shape: &Convex| {
         let triangle = polygons[polygon as usize].triangle;

@@ -5,6 +5,7 @@ use crate::{
     convex::{PagePoint, PageRect},
     error::DrawError,
     face::FacePlane,
+    volume::ViewVolume,
 };
 use glam::{DVec2, DVec3};
 use insula_export::camera::ExportCamera;
@@ -225,10 +226,34 @@ impl Projection {
         point - self.axes.forward * (plane.height(point) / plane.normal.dot(self.axes.forward))
     }
 
+    /// Half of what is shown across the view, in metres; in a perspective, at a distance of a metre.
+    fn half_size(&self) -> DVec2 {
+        let [width, height] = self.frame.size();
+        DVec2::new(0.5 * width + OVERLAP_MM, 0.5 * height + OVERLAP_MM) / self.factor
+    }
+
+    /// What the view shows of a scene in a box.
+    pub(crate) fn volume(&self, [low, high]: [DVec3; 2]) -> ViewVolume {
+        let (right, up, forward) = (self.axes.right, self.axes.up, self.axes.forward);
+        let eye = self.axes.position;
+        let from = eye.unwrap_or(DVec3::ZERO);
+        let depth = (0.5 * (low + high) - from).dot(forward);
+        let reach = (0.5 * (high - low)).dot(forward.abs());
+        let half = self.half_size();
+        let mut corners = Vec::with_capacity(8);
+        for end in [depth - reach, depth + reach] {
+            let (end, size) = if eye.is_some() { (end.max(NEAR_M), end.max(NEAR_M)) } else { (end, 1.0) };
+            for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]] {
+                let across = right * (self.middle.x + x * half.x) + up * (self.middle.y + y * half.y);
+                corners.push(from + forward * end + across * size);
+            }
+        }
+        ViewVolume { planes: self.planes(), corners }
+    }
+
     /// The planes of the view, normals inwards; what is outside is not drawn.
     pub(crate) fn planes(&self) -> Vec<FacePlane> {
-        let [width, height] = self.frame.size();
-        let half = DVec2::new(0.5 * width + OVERLAP_MM, 0.5 * height + OVERLAP_MM) / self.factor;
+        let half = self.half_size();
         let (right, up, forward) = (self.axes.right, self.axes.up, self.axes.forward);
         match self.axes.position {
             None => [(right, half.x, self.middle.x), (up, half.y, self.middle.y)]
@@ -295,6 +320,35 @@ mod tests {
         let planes = perspective.planes();
         assert!(planes.iter().all(|plane| plane.height(DVec3::new(0.0, 7.0, 0.0)) > 0.0));
         assert!(planes.iter().any(|plane| plane.height(DVec3::new(0.0, 7.0, 8.0)) < 0.0));
+    }
+
+    #[test]
+    fn volumes_are_between_the_planes_and_around_the_scene() {
+        let perspective =
+            DrawView::Perspective { position: [0.0; 3], target: [0.0, 9.0, 0.0], up: [0.0, 0.0, 1.0], fov_y_deg: 90.0 };
+        let points = [DVec3::new(-3.0, 20.0, 1.0), DVec3::new(80.0, 50.0, 9.0)];
+        for view in [DrawView::Plan, DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 }, perspective] {
+            let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
+            let projection = Projection::new(axes, FRAME, Some(1000.0), points.into_iter());
+            let volume = projection.volume(points);
+            let middle = volume.corners.iter().sum::<DVec3>() / volume.corners.len() as f64;
+            // Each corner is on two borders; those of a perspective have another one near to the eye.
+            for corner in &volume.corners {
+                let heights: Vec<f64> = volume.planes.iter().map(|plane| plane.height(*corner)).collect();
+                assert!(heights.iter().filter(|height| height.abs() < 1e-6).count() >= 2, "{view:?}: {heights:?}");
+                assert!(heights.iter().all(|height| *height > -1e-6));
+            }
+            let at = |offset| FacePlane { normal: axes.forward, offset };
+            let deepest = volume.corners.iter().map(|corner| corner.dot(axes.forward)).fold(f64::MIN, f64::max);
+            assert!(points.iter().all(|point| point.dot(axes.forward) <= deepest + 1e-9), "{view:?}");
+            assert_eq!(volume.sides(&at(middle.dot(axes.forward))), [true, true]);
+            assert_eq!(volume.sides(&at(deepest + 1.0)), [false, true]);
+            assert!(volume.meets([middle - 1.0, middle + 1.0]));
+            let aside = middle + axes.right * 1000.0;
+            assert!(!volume.meets([aside - 1.0, aside + 1.0]));
+        }
+        let all = ViewVolume::default();
+        assert!(all.meets([DVec3::ZERO; 2]) && all.sides(&FacePlane { normal: DVec3::X, offset: 1e9 }) == [true, true]);
     }
 
     #[test]

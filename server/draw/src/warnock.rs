@@ -135,9 +135,12 @@ impl Subdivision<'_> {
 mod tests {
     use super::*;
     use crate::{
-        bsp::{BspTree, Eye},
+        bsp::{BspTree, Eye, TreeWalk},
         convex::cross,
-        face::{Face, FacePlane},
+        face::{Face, FacePlane, bounds_of},
+        scene::clip,
+        view::{DrawView, PaperRect, Projection, ViewAxes},
+        volume::ViewVolume,
     };
     use glam::DVec3;
 
@@ -170,6 +173,12 @@ mod tests {
         faces
     }
 
+    /// Numbers of the faces that a view shows, from the nearest to the farthest.
+    fn sorted(tree: &mut BspTree, faces: &[Face], eye: Eye, volume: &ViewVolume) -> Vec<u32> {
+        let walk = TreeWalk { eye, volume, is_asked: &|_: &Face| true, max_faces: 1 << 20 };
+        tree.front_to_back(faces, &walk, &|_, _| true).unwrap()
+    }
+
     fn page(face: &Face) -> PagePolygon {
         let at = |p: &DVec3| PagePoint::new((p.x * UNITS) as i32, (p.y * UNITS) as i32);
         let shape = Convex { points: face.points.iter().map(at).collect(), edges: face.edges.clone() };
@@ -188,10 +197,11 @@ mod tests {
     fn each_point_shows_the_nearest_of_triangles_that_pass_through_each_other() {
         let mut random = RandomNumbers(7);
         let faces = triangles(600, &mut random);
-        let tree = BspTree::new(faces.clone(), 1000, 1 << 20, &|_, _| true).unwrap();
-        let splits = tree.len() as f64 / faces.len() as f64;
+        let mut tree = BspTree::new(&faces, 1000);
+        let order = sorted(&mut tree, &faces, Eye::Direction(DVec3::Z), &ViewVolume::default());
+        let splits = order.len() as f64 / faces.len() as f64;
         assert!(splits < 4.0, "{splits} faces for each triangle");
-        let polygons: Vec<PagePolygon> = tree.front_to_back(Eye::Direction(DVec3::Z)).map(page).collect();
+        let polygons: Vec<PagePolygon> = order.iter().map(|number| page(tree.face(&faces, *number))).collect();
         let frame = PageRect { min: PagePoint::new(0, 0), max: PagePoint::new(100_000_000, 100_000_000) };
         let parts = visible_parts(&polygons, frame, 1 << 20, &|_, _| true).unwrap();
         let mut judged = 0;
@@ -229,9 +239,12 @@ mod tests {
     fn the_order_holds_from_any_eye() {
         let mut random = RandomNumbers(3);
         let faces = triangles(60, &mut random);
-        let tree = BspTree::new(faces, 1000, 1 << 20, &|_, _| true).unwrap();
+        let mut tree = BspTree::new(&faces, 1000);
+        let mut divisions = Vec::new();
         for eye in [DVec3::new(500.0, 20.0, 30.0), DVec3::new(-90.0, -300.0, 200.0), DVec3::new(40.0, 40.0, 40.0)] {
-            let order: Vec<&Face> = tree.front_to_back(Eye::Point(eye)).collect();
+            let numbers = sorted(&mut tree, &faces, Eye::Point(eye), &ViewVolume::default());
+            divisions.push(tree.divisions());
+            let order: Vec<&Face> = numbers.iter().map(|number| tree.face(&faces, *number)).collect();
             for (i, near) in order.iter().enumerate() {
                 for far in &order[i + 1..] {
                     // A ray to the middle of the nearer face must not pass the farther one before.
@@ -247,6 +260,32 @@ mod tests {
                 }
             }
         }
+        assert!(divisions[0] > 0 && divisions.iter().all(|count| *count == divisions[0]), "{divisions:?}");
+    }
+
+    #[test]
+    fn a_view_neither_divides_nor_walks_what_is_outside_of_it() {
+        let faces = triangles(600, &mut RandomNumbers(5));
+        let (position, target) = ([-20.0, -20.0, 40.0], [50.0, 30.0, 40.0]);
+        let view = DrawView::Perspective { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 10.0 };
+        let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
+        let frame = PaperRect { min: [0.0; 2], max: [200.0, 100.0] };
+        let volume = Projection::new(axes, frame, None, std::iter::empty()).volume(bounds_of(faces.iter()));
+        let mut tree = BspTree::new(&faces, 1000);
+        let of_view = sorted(&mut tree, &faces, axes.eye(), &volume);
+        let divided = tree.divisions();
+        let of_all = sorted(&mut tree, &faces, axes.eye(), &ViewVolume::default());
+        assert!(divided > 0 && 3 * divided < 2 * tree.divisions(), "{divided} of {}", tree.divisions());
+        assert!(of_view.len() < of_all.len(), "{} of {}", of_view.len(), of_all.len());
+        let inside = |order: &[u32]| -> Vec<u32> {
+            let is_inside = |number: &u32| clip(tree.face(&faces, *number).clone(), &volume.planes).is_some();
+            order.iter().copied().filter(is_inside).collect()
+        };
+        assert!(!inside(&of_all).is_empty());
+        assert_eq!(inside(&of_view), inside(&of_all), "what is left out is outside, and the order is the same");
+        let divided = tree.divisions();
+        assert_eq!(sorted(&mut tree, &faces, axes.eye(), &volume), of_view);
+        assert_eq!(tree.divisions(), divided);
     }
 
     #[test]
@@ -257,6 +296,10 @@ mod tests {
         let stopped = visible_parts(&polygons, frame, 1 << 20, &|_, _| false);
         assert!(matches!(stopped, Err(DrawError::Cancelled)));
         let limited = visible_parts(&polygons, frame, 100, &|_, _| true);
+        assert!(matches!(limited, Err(DrawError::TooManyParts { limit: 100 })));
+        let (eye, volume) = (Eye::Direction(DVec3::Z), ViewVolume::default());
+        let walk = TreeWalk { eye, volume: &volume, is_asked: &|_: &Face| true, max_faces: 100 };
+        let limited = BspTree::new(&faces, 1000).front_to_back(&faces, &walk, &|_, _| true);
         assert!(matches!(limited, Err(DrawError::TooManyParts { limit: 100 })));
     }
 }
