@@ -36,7 +36,7 @@ pub(super) const SETTINGS: [(&str, &str); 50] = [
     ("limits.client_in_flight_bytes", "the same for bytes; 0: three quarters of limits.in_flight_bytes"),
     (
         "limits.cache_bytes",
-        "bytes of all caches: of tiles, remote blocks, directories of archives, search indexes, results of filters, files of tilesets",
+        "bytes of all caches: tiles, remote blocks, directories, search indexes, results of filters, files of tilesets, parts of drawings",
     ),
     ("limits.tile_bytes", "bytes of it for recently sent tiles"),
     ("limits.header_bytes", "bytes of a request's line and headers"),

@@ -63,7 +63,8 @@ pub struct LimitsConfig {
     pub client_in_flight: usize,
     /// Bytes of responses in flight per client address; 0 for three quarters of `in_flight_bytes`.
     pub client_in_flight_bytes: usize,
-    /// Bytes of all caches together: of tiles, of blocks of remote cities, of directories of archives, of search indexes and made files.
+    /// Bytes of all caches together: of tiles, of blocks of remote cities, of directories of archives, of search indexes, made files and
+    /// parts for drawings.
     pub cache_bytes: usize,
     /// Size of the tile caches of all threads together, a part of `cache_bytes`.
     pub tile_bytes: usize,
@@ -238,7 +239,7 @@ impl ServeConfig {
         }
     }
 
-    /// Bytes for search indexes and made files: what other caches leave of `limits.cache_bytes`.
+    /// Bytes for search indexes, made files and parts for drawings: what other caches leave of `limits.cache_bytes`.
     pub(crate) fn computed_bytes(&self, has_remote_cities: bool) -> usize {
         self.spare_bytes(has_remote_cities) - self.directory_bytes(has_remote_cities)
     }

@@ -1,4 +1,5 @@
-//! What was made for requests and may be asked for again: opened search indexes, objects that pass filters, and files of tilesets.
+//! What was made for requests and may be asked for again: opened search indexes, objects that pass filters, files of tilesets, and parts
+//! of cities that are sorted for drawings.
 //!
 //! All share one limit, beyond which what was used longest ago goes.
 
@@ -10,8 +11,12 @@ use crate::store::CityIndex;
 use axum::http::HeaderValue;
 use bytes::Bytes;
 #[cfg(feature = "bake")]
+use insula_draw::DrawnPart;
+#[cfg(feature = "bake")]
 use insula_protocol::{TileId, route::TilesetFileKind};
 use moka::future::Cache;
+#[cfg(feature = "bake")]
+use std::sync::Arc;
 use std::{net::IpAddr, time::Duration};
 use tokio::runtime::Handle;
 
@@ -28,12 +33,17 @@ pub(super) enum ComputedKey {
     Filtered(u64, Box<str>),
     #[cfg(feature = "bake")]
     File(u64, TilesetFile),
+    /// A part of a city for drawings, by the name that their options have for it.
+    #[cfg(feature = "bake")]
+    Part(u64, Box<str>),
 }
 
 #[derive(Debug, Clone)]
 enum Computed {
     Index(CityIndex),
     Bytes(ComputedBytes),
+    #[cfg(feature = "bake")]
+    Part(Arc<DrawnPart>),
 }
 
 /// The content of a response. Its ETag is a part of the work, which takes milliseconds for megabytes.
@@ -66,10 +76,17 @@ impl ComputedCache {
     /// A cache of at most `max_bytes`.
     pub(super) fn new(max_bytes: usize) -> Self {
         let weigh = |key: &ComputedKey, value: &Computed| {
-            let name = if let ComputedKey::Filtered(_, text) = key { text.len() } else { 0 };
+            let name = match key {
+                ComputedKey::Filtered(_, text) => text.len(),
+                #[cfg(feature = "bake")]
+                ComputedKey::Part(_, text) => text.len(),
+                _ => 0,
+            };
             let bytes = match value {
                 Computed::Index(index) => index.byte_len(),
                 Computed::Bytes(made) => made.body.len(),
+                #[cfg(feature = "bake")]
+                Computed::Part(part) => part.byte_len(),
             };
             u32::try_from(name + bytes + ENTRY_BYTES).unwrap_or(u32::MAX)
         };
@@ -80,12 +97,27 @@ impl ComputedCache {
     pub(super) async fn index(&self, serial: u64) -> Option<CityIndex> {
         match self.0.get(&ComputedKey::Index(serial)).await? {
             Computed::Index(index) => Some(index),
-            Computed::Bytes(_) => None,
+            _ => None,
         }
     }
 
     pub(super) async fn keep_index(&self, serial: u64, index: CityIndex) {
         self.keep(ComputedKey::Index(serial), Computed::Index(index)).await;
+    }
+
+    /// A part of a city, if it is in memory.
+    #[cfg(feature = "bake")]
+    pub(super) async fn part(&self, key: &ComputedKey) -> Option<Arc<DrawnPart>> {
+        match self.0.get(key).await? {
+            Computed::Part(part) => Some(part),
+            _ => None,
+        }
+    }
+
+    /// Keeps a part. To be called again when a drawing has made it larger: the cache counts what it is now.
+    #[cfg(feature = "bake")]
+    pub(super) async fn keep_part(&self, key: ComputedKey, part: Arc<DrawnPart>) {
+        self.keep(key, Computed::Part(part)).await;
     }
 
     /// Returns what is in memory. Otherwise waits for the client's turn in `queue`, looks again, and calls `make`. It does not wait for
@@ -116,7 +148,7 @@ impl ComputedCache {
     async fn bytes_of(&self, key: &ComputedKey) -> Option<ComputedBytes> {
         match self.0.get(key).await? {
             Computed::Bytes(made) => Some(made),
-            Computed::Index(_) => None,
+            _ => None,
         }
     }
 

@@ -1,10 +1,12 @@
 //! Vector drawings of a city (`insula_draw`), made of the options in the body of a request. Off by default.
 //!
 //! The only route that reads a body, and the only one that takes seconds: so the body is small and must arrive soon, few drawings are
-//! made at once on threads of their own, few requests wait, and a drawing that nobody waits for ends.
+//! made at once on threads of their own, few requests wait, and a drawing that nobody waits for ends. The part of the city that was read
+//! and sorted is kept, so that another view of it takes less.
 
 use super::{
     access_control::{AccessRequest, Credentials},
+    computed_cache::ComputedKey,
     fair_queue::StopFlag,
     problem::{NO_ROUTE, Problem},
     response::DRAWING_METHODS,
@@ -22,7 +24,8 @@ use axum::{
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_draw::{
-    DrawError, DrawLimits, draw as draw_city,
+    DrawError, DrawLimits, DrawnPart, draw_part,
+    error::DrawStep,
     file::{DrawingFormat, encode},
     options::DrawingOptions,
 };
@@ -63,10 +66,10 @@ pub(super) async fn draw(
     }
     let options = DrawingOptions::parse(&read(body).await?).map_err(|error| Problem::explained(&error.to_string()))?;
     let format = options.format;
-    let (drawn, runtime) = (Arc::clone(&city), Handle::current());
+    let (shared, drawn, runtime) = (state.clone(), Arc::clone(&city), Handle::current());
     let limits = DrawLimits::of_triangles(drawings.max_triangles);
     let work = move |stop: &StopFlag| {
-        let make = || make_now(&drawn, options, limits, &runtime, stop);
+        let make = || make_now(&shared, &drawn, &options, limits, (&runtime, stop));
         match drawings.pool() {
             Some(threads) => threads.install(make),
             // On the process's own.
@@ -137,15 +140,14 @@ async fn read(body: Body) -> Result<Bytes, Problem> {
     read.map_err(|_| TOO_LONG)
 }
 
-/// Reads the city and draws it. Waits for the network if the city is in an object store.
+/// Reads the part of the city, unless an earlier drawing did, and draws it. Waits for the network if the city is in an object store.
 fn make_now(
+    state: &AppState,
     city: &CityStore,
-    options: DrawingOptions,
+    options: &DrawingOptions,
     limits: DrawLimits,
-    runtime: &Handle,
-    stop: &StopFlag,
+    (runtime, stop): (&Handle, &StopFlag),
 ) -> Result<Vec<u8>, DrawError> {
-    let format = options.format;
     let read = |kind, id| {
         if stop.is_stopped() {
             return Err(ReadError::Failed("nobody waits for the drawing".to_owned()));
@@ -154,9 +156,22 @@ fn make_now(
     };
     let schema = StoredCity::read_schema(&read).map_err(DrawError::Source)?;
     let source = StoredCity::new(city.manifest(), &schema, &read);
-    let request = options.request(&source, limits)?;
-    let drawing = draw_city(&source, &request, &|_, _| !stop.is_stopped())?;
-    let bytes = encode(&drawing, format);
+    let mut request = options.request(&source, limits)?;
+    let progress = |_: DrawStep, _: f64| !stop.is_stopped();
+    let key = ComputedKey::Part(city.serial(), options.part_name().into());
+    let kept = runtime.block_on(state.computed().part(&key));
+    let is_kept = kept.is_some();
+    let part = match kept {
+        Some(part) => part,
+        None => {
+            request.selection = options.selection(&source)?;
+            Arc::new(DrawnPart::read(&source, &request, &progress)?)
+        }
+    };
+    state.metrics().drawing_part(is_kept);
+    let drawing = draw_part(&source, &part, &request, &progress);
+    runtime.block_on(state.computed().keep_part(key, part));
+    let bytes = encode(&drawing?, options.format);
     if bytes.len() > MAX_DRAWING_BYTES {
         return Err(DrawError::TooManyParts { limit: limits.parts });
     }

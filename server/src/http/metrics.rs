@@ -66,6 +66,7 @@ pub(super) struct HttpMetrics {
     older_versions: Gauge,
     cached_bytes: Family<KindLabels, Gauge>,
     cache_limit: Gauge,
+    drawing_parts: Family<KindLabels, Counter>,
     encoding: Mutex<()>,
 }
 
@@ -106,6 +107,7 @@ impl HttpMetrics {
             older_versions: Gauge::default(),
             cached_bytes: Family::default(),
             cache_limit: Gauge::default(),
+            drawing_parts: Family::default(),
             encoding: Mutex::default(),
         };
         metrics.register();
@@ -138,9 +140,11 @@ impl HttpMetrics {
         to.register("cities", "Open cities", self.cities.clone());
         let help = "Cities and folders that could not be opened at the last check";
         to.register("cities_failed", help, self.failed_cities.clone());
-        let help = "Bytes in caches: tiles, directories of archives, and what was computed (search indexes, files of tilesets)";
+        let help = "Bytes in caches: tiles, directories of archives, and what was computed (search indexes, files of tilesets, sorted parts)";
         to.register("cached_bytes", help, self.cached_bytes.clone());
         to.register("cache_limit_bytes", "Bytes that all caches may have together", self.cache_limit.clone());
+        let help = "Parts of cities for drawings: read and sorted, or kept of earlier drawings";
+        to.register("drawing_parts", help, self.drawing_parts.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
     }
 
@@ -214,6 +218,13 @@ impl HttpMetrics {
     /// Counts a reload that changed something or failed.
     pub(super) fn reloaded(&self, outcome: &'static str) {
         self.reloads.get_or_create(&KindLabels { kind: outcome }).inc();
+    }
+
+    /// Counts a drawing by whether its part of the city was kept of an earlier one.
+    #[cfg(feature = "bake")]
+    pub(super) fn drawing_part(&self, is_kept: bool) {
+        let kind = if is_kept { "kept" } else { "read" };
+        self.drawing_parts.get_or_create(&KindLabels { kind }).inc();
     }
 
     /// All metrics as OpenMetrics text.

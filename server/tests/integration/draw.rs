@@ -2,7 +2,7 @@
 
 use crate::test_server::{TestServer, assert_problem, read_to_end};
 use insula_draw::{
-    DrawLimits, DrawRequest, draw,
+    DrawLimits, DrawRequest, DrawnPart, draw, draw_part,
     file::{DrawingFormat, encode},
     sheet::Paper,
     style::Stylesheet,
@@ -54,6 +54,24 @@ async fn assert_refused(server: &TestServer, headers: &str, body: &str, status: 
     assert!(response.contains(words), "{body}: {response}");
 }
 
+fn request(view: DrawView, scale: Option<f64>, style: Stylesheet) -> DrawRequest {
+    DrawRequest {
+        view,
+        selection: ObjectSelection::default(),
+        paper: Paper::parse("A4").unwrap(),
+        scale,
+        is_bare: false,
+        title: Some("A <title>".to_owned()),
+        style,
+        is_checked: false,
+        is_sheet: false,
+        date: String::new(),
+        note: String::new(),
+        color_by: None,
+        limits: DrawLimits::default(),
+    }
+}
+
 #[tokio::test]
 async fn drawings_are_those_of_the_command() {
     let server = start(|_| {}).await;
@@ -66,21 +84,9 @@ async fn drawings_are_those_of_the_command() {
         (DrawingFormat::Pdf, "pdf", "application/pdf"),
         (DrawingFormat::Dxf, "dxf", "image/vnd.dxf"),
     ] {
-        let request = DrawRequest {
-            view: DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 },
-            selection: ObjectSelection::default(),
-            paper: Paper::parse("A4").unwrap(),
-            scale: Some(2000.0),
-            is_bare: false,
-            title: Some("A <title>".to_owned()),
-            style: Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() },
-            is_checked: false,
-            is_sheet: false,
-            date: String::new(),
-            note: String::new(),
-            color_by: None,
-            limits: DrawLimits::default(),
-        };
+        let view = DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 };
+        let style = Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() };
+        let request = request(view, Some(2000.0), style);
         let expected = encode(&draw(&source, &request, &|_, _| true).unwrap(), format);
         let options = format!(
             r#"{{"format":"{name}","axonometric":[30,35],"paper":"A4","scale":"1:2000","title":"A <title>","shadows":true,"sun":[200,40]}}"#
@@ -93,7 +99,44 @@ async fn drawings_are_those_of_the_command() {
     }
     let metrics = server.get("/metrics", "").await;
     assert!(metrics.contains("insula_requests_total{route=\"draw\",code=\"200\"} 3"), "{metrics}");
+    // All three are of one part of the city.
+    for line in ["insula_drawing_parts_total{kind=\"read\"} 1\n", "insula_drawing_parts_total{kind=\"kept\"} 2\n"] {
+        assert!(metrics.contains(line), "{metrics}");
+    }
+    assert!(!metrics.contains("insula_cached_bytes{kind=\"computed\"} 0\n"), "{metrics}");
     server.stop().await;
+}
+
+#[test]
+fn a_second_view_of_a_part_needs_no_tree() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("two");
+    small_city::write_city_with_meshes(&place, "two");
+    let city = CityStore::open(&place).unwrap();
+    let schema = Schema::default();
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let plan = request(DrawView::Plan, None, Stylesheet::default());
+    let part = DrawnPart::read(&source, &plan, &|_, _| true).unwrap();
+    assert_eq!(part.divisions(), 0);
+    let first = draw_part(&source, &part, &plan, &|_, _| true).unwrap();
+    assert!(first == draw(&source, &plan, &|_, _| true).unwrap());
+    let (divisions, bytes) = (part.divisions(), part.byte_len());
+    assert!(divisions > 0);
+    let [min, max] = small_city::manifest("two").bounds;
+    let target = [0, 1, 2].map(|k| 0.5 * (min[k] + max[k]));
+    let position = [target[0], target[1] - 150.0, target[2] + 120.0];
+    for view in [
+        DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 },
+        DrawView::Axonometric { azimuth_deg: 210.0, elevation_deg: 5.0 },
+        DrawView::Perspective { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 },
+    ] {
+        let style = Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() };
+        let other = request(view, None, style);
+        let drawn = draw_part(&source, &part, &other, &|_, _| true).unwrap();
+        assert!(drawn == draw(&source, &other, &|_, _| true).unwrap(), "{view:?}: as with a tree of its own");
+        assert_eq!((part.divisions(), part.byte_len()), (divisions, bytes), "{view:?}");
+    }
 }
 
 #[tokio::test]
