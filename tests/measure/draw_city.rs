@@ -1,8 +1,11 @@
 //! Draws a baked city and prints what it took: `draw_city CITY OUT [plan|AZ,EL|CAM.json] [west,south,east,north|-] [PAPER] [SCALE|-] [STYLE.toml]`.
+//!
+//! With `SECOND=plan|AZ,EL|CAM.json`, draws this view as well: of the same part, which the first view has sorted, and of a part of its own.
 
 use insula_archive::BakedCity;
 use insula_draw::{
-    DrawLimits, DrawRequest, draw,
+    DrawLimits, DrawRequest, DrawnPart, draw_part,
+    error::DrawStep,
     file::{DrawingFormat, write_drawing},
     sheet::Paper,
     style::Stylesheet,
@@ -128,12 +131,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         limits: DrawLimits::default(),
     };
     let started = Instant::now();
-    let drawing = draw(&source, &request, &|step, share| {
+    let progress = |step: DrawStep, share: f64| {
         if std::env::var_os("VERBOSE").is_some() {
             eprintln!("{:7.2} s {} {:.0}%", started.elapsed().as_secs_f64(), step.word(), share * 100.0);
         }
         true
-    })?;
+    };
+    let part = DrawnPart::read(&source, &request, &progress)?;
+    let drawing = draw_part(&source, &part, &request, &progress)?;
     let drawn = started.elapsed();
     let bytes = write_drawing(&drawing, DrawingFormat::of(Path::new(out))?, Path::new(out))?;
     if let Some(largest) = drawing.largest_overlap {
@@ -151,5 +156,29 @@ fn main() -> Result<(), Box<dyn Error>> {
         drawn.as_secs_f64(),
         bytes
     );
+    if let Ok(text) = std::env::var("SECOND") {
+        measure_second(&source, &part, &DrawRequest { view: view(&text)?, ..request })?;
+    }
+    Ok(())
+}
+
+/// Draws a second view of a part, and of a part of its own.
+fn measure_second(source: &Source, part: &DrawnPart, request: &DrawRequest) -> Result<(), Box<dyn Error>> {
+    let divisions = part.divisions();
+    let started = Instant::now();
+    let second = draw_part(source, part, request, &|_, _| true)?;
+    let of_same = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    let own = DrawnPart::read(source, request, &|_, _| true)?;
+    let first = draw_part(source, &own, request, &|_, _| true)?;
+    let of_own = started.elapsed().as_secs_f64();
+    println!(
+        "a second view: {of_same:.2} s and {} of {divisions} sets divided; with a part of its own {of_own:.2} s and {}: {:.2} of its time, {}",
+        part.divisions() - divisions,
+        own.divisions(),
+        of_same / of_own,
+        if second == first { "equal" } else { "different" }
+    );
+    println!("the part has {:.1} MiB", part.byte_len() as f64 / f64::from(1 << 20));
     Ok(())
 }
