@@ -193,6 +193,10 @@ impl BspTree {
                 }
             }
         }
+        // Rounding can leave a face of almost no area beside its own plane, which would divide the same set for ever.
+        if on.is_empty() && (front.is_empty() || back.is_empty()) {
+            on.extend(front.drain(..).chain(back.drain(..)));
+        }
         let (front, back) = (self.add_node(scene, front), self.add_node(scene, back));
         let division = NodeDivision { plane, front, back };
         let node = &mut self.nodes[index as usize];

@@ -289,6 +289,15 @@ mod tests {
     }
 
     #[test]
+    fn a_face_beside_its_own_plane_ends_the_division() {
+        let mut faces = triangles(1, &mut RandomNumbers(7));
+        faces[0].plane.offset += 100.0;
+        let mut tree = BspTree::new(&faces, 1000);
+        assert_eq!(sorted(&mut tree, &faces, Eye::Direction(DVec3::Z), &ViewVolume::default()), [0]);
+        assert_eq!(tree.divisions(), 1);
+    }
+
+    #[test]
     fn a_progress_that_says_so_stops_the_work() {
         let faces = triangles(600, &mut RandomNumbers(7));
         let polygons: Vec<PagePolygon> = faces.iter().map(page).collect();
