@@ -29,6 +29,12 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
     open_over(None, place, cache_mib)
 }
 
+/// The same, with columns only or with meshes as well.
+pub fn open_drawn(place: &Path, cache_mib: u32, no_meshes: bool) -> Result<Session> {
+    let global = GlobalArgs { no_meshes, ..global(cache_mib) };
+    Ok(open_session(place.display().to_string(), &global, Some(Http::new(None)?), None)?)
+}
+
 /// The same with a simulated link.
 pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
     Ok(open_session(place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)

@@ -17,12 +17,13 @@ use insula_shaders::{
     },
     layout::Shading,
 };
-use insula_tests::{baked::Baked, viewer::open};
+use insula_tests::{baked::Baked, viewer::open_drawn};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, MOVING_SAMPLES, STILL_SAMPLES},
     streamer::FrameRequest,
     sun::{Daylight, SunOptions},
+    switching::{SwitchDistances, SwitchVolume},
 };
 use std::{
     fs,
@@ -45,6 +46,9 @@ struct Args {
     /// Kinds of frames: primary (one ray a pixel, no shadows), moving (2 x 2, no shadows), still (3 x 3, shadows)
     #[arg(long, value_delimiter = ',', default_value = "primary,moving,still", value_parser = ["primary", "moving", "still"])]
     frames: Vec<String>,
+    /// What is drawn: columns only, the finest meshes wherever there are some (geometry), or both by their error
+    #[arg(long, default_value = "both", value_parser = ["both", "columns", "geometry"])]
+    draw: String,
     /// Number of rounds
     #[arg(long, default_value_t = 5)]
     rounds: usize,
@@ -61,6 +65,8 @@ struct Args {
 
 const TIMEOUT: Duration = Duration::from_secs(300);
 const CACHE_MIB: u32 = 2048;
+/// Geometry is drawn up to this distance.
+const GEOMETRY_M: f64 = 100_000.0;
 
 /// A way to draw a frame.
 struct Way {
@@ -86,7 +92,7 @@ fn ways(args: &Args, kind: &str) -> Vec<Way> {
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut session = open(&args.city, CACHE_MIB)?;
+    let mut session = open_drawn(&args.city, CACHE_MIB, args.draw == "columns")?;
     println!(
         "view                   frame   way                         ms/frame  Mray/s  nodes  steps  fetches  cells  differs"
     );
@@ -111,7 +117,9 @@ fn cameras(args: &Args) -> Result<Vec<(String, Camera)>> {
 
 fn measure(args: &Args, session: &mut Session, name: &str, camera: Camera, kind: &str) -> Result<()> {
     let size_px = [args.size[0], args.size[1]];
-    let request = FrameRequest { camera, heading: None, size_px, tau_px: 1.0, switching: None };
+    let is_geometry = args.draw == "geometry";
+    let switching = is_geometry.then(|| SwitchDistances::new(&[GEOMETRY_M], SwitchVolume::Box)).flatten();
+    let request = FrameRequest { camera, heading: None, size_px, tau_px: 1.0, switching };
     let (samples, shadows) = match kind {
         "primary" => (1, false),
         "moving" => (MOVING_SAMPLES, false),
