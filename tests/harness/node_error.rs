@@ -53,7 +53,7 @@ pub struct LevelError {
 /// Measures all levels, the finest first, with `samples` points in each direction. Larger distances count as `most_m`.
 pub fn measure(truth: &Truth, baked: &Baked, samples: usize, most_m: f64) -> Result<Vec<LevelError>> {
     let cameras = cameras(truth);
-    let seen = sample(&cameras, samples, |camera| Ok(truth.render(camera, &FRAME)))?;
+    let seen = seen_points(truth, samples)?;
     let level = |level: u8| {
         let ids = baked.ids(level);
         let cell_m = baked.manifest().cell_m_at(level);
@@ -92,6 +92,11 @@ pub fn measure(truth: &Truth, baked: &Baked, samples: usize, most_m: f64) -> Res
     (0..=baked.manifest().depth).rev().map(level).collect()
 }
 
+/// Random points of the source that are seen from outside, in world metres.
+pub fn seen_points(truth: &Truth, count: usize) -> Result<Vec<DVec3>> {
+    sample(&cameras(truth), count, |camera| Ok(truth.render(camera, &FRAME)))
+}
+
 /// The whole city from far away, in many directions.
 fn cameras(truth: &Truth) -> Vec<Camera> {
     let [low, high] = truth.bounds().map(|corner| corner + DVec3::from(truth.scene.origin));
@@ -124,7 +129,7 @@ fn sample(cameras: &[Camera], count: usize, draw: impl Fn(&Camera) -> Result<Pix
 }
 
 /// The node of a level that contains a point in world metres; `None` outside of the root.
-fn node_at(baked: &Baked, level: u8, p: DVec3) -> Option<TileId> {
+pub fn node_at(baked: &Baked, level: u8, p: DVec3) -> Option<TileId> {
     let side_m = baked.manifest().cell_m_at(level) * NODE_CELLS as f64;
     let place = (p - DVec3::from(baked.manifest().origin)) / side_m;
     TileId::new(level, place.x.floor() as u32, place.y.floor() as u32)

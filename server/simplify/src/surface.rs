@@ -142,7 +142,7 @@ impl Surface {
     }
 
     /// About `count` points, evenly spread by area; none if all triangles are degenerate.
-    fn even_points(&self, count: usize) -> Vec<[f64; 3]> {
+    pub fn even_points(&self, count: usize) -> Vec<[f64; 3]> {
         let area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length() / 2.0;
         let step = self.triangles.iter().map(area).sum::<f64>() / count.max(1) as f64;
         let (mut points, mut sum) = (Vec::with_capacity(count), 0.0);
