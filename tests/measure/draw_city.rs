@@ -2,7 +2,6 @@
 //!
 //! With `SECOND=plan|AZ,EL|CAM.json`, draws this view as well: of the same part, which the first view has sorted, and of a part of its own.
 
-use insula_archive::BakedCity;
 use insula_draw::{
     DrawLimits, DrawRequest, DrawnPart, draw_part,
     error::DrawStep,
@@ -11,74 +10,10 @@ use insula_draw::{
     style::Stylesheet,
     view::DrawView,
 };
-use insula_export::{
-    selection::ObjectSelection,
-    source::{ExportSource, SourceError},
-};
-use insula_objects::{ColorBy, ObjectBlock, Schema};
-use insula_protocol::{
-    BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
-    object_tile::{self, SCHEMA_ID, block_id},
-};
-use std::{error::Error, fmt::Display, path::Path, time::Instant};
-
-struct Source {
-    city: BakedCity,
-    schema: Schema,
-}
-
-fn failed(what: &str, reason: &dyn Display) -> SourceError {
-    SourceError { what: what.to_owned(), reason: reason.to_string() }
-}
-
-impl Source {
-    fn open(folder: &Path) -> Result<Self, Box<dyn Error>> {
-        let city = BakedCity::open(folder)?;
-        let bytes = city.tile(TileKind::Objects, SCHEMA_ID)?.ok_or("the city has no objects")?;
-        let schema = serde_json::from_slice(&object_tile::decode(SCHEMA_ID, &bytes)?)?;
-        Ok(Self { city, schema })
-    }
-
-    fn read<T, E: Display>(
-        &self,
-        kind: TileKind,
-        id: TileId,
-        decode: impl Fn(&[u8]) -> Result<T, E>,
-    ) -> Result<Option<T>, SourceError> {
-        let bytes = self.city.tile(kind, id).map_err(|error| failed("a tile", &error))?;
-        bytes.map(|bytes| decode(&bytes).map_err(|error| failed("a tile", &error))).transpose()
-    }
-}
-
-impl ExportSource for Source {
-    fn manifest(&self) -> &Manifest {
-        self.city.manifest()
-    }
-
-    fn schema(&self) -> &Schema {
-        &self.schema
-    }
-
-    fn objects(&self, block: u32) -> Result<Option<ObjectBlock>, SourceError> {
-        let Some(id) = block_id(block) else { return Ok(None) };
-        self.read(TileKind::Objects, id, |bytes| {
-            object_tile::decode(id, bytes).and_then(|content| ObjectBlock::decode(block, &content, &self.schema))
-        })
-    }
-
-    fn subtree(&self, root: TileId) -> Result<Option<Subtree>, SourceError> {
-        self.read(TileKind::Subtree, root, Subtree::decode)
-    }
-
-    fn columns(&self, node: TileId) -> Result<Option<BlockMap>, SourceError> {
-        self.read(TileKind::BlockMap, node, |bytes| BlockMap::decode(node, bytes))
-    }
-
-    fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {
-        let Some(place) = mesh_tile::archive_id(leaf, lod) else { return Ok(None) };
-        self.read(TileKind::Mesh, place, |bytes| MeshTile::decode(leaf, lod, bytes))
-    }
-}
+use insula_export::{selection::ObjectSelection, source::ExportSource};
+use insula_objects::ColorBy;
+use insula_server::store::{CityStore, StoredCity};
+use std::{error::Error, path::Path, time::Instant};
 
 fn numbers(text: &str) -> Result<Vec<f64>, std::num::ParseFloatError> {
     text.split(',').map(str::parse).collect()
@@ -107,14 +42,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let arg = |k: usize, default: &str| args.get(k).cloned().unwrap_or_else(|| default.to_owned());
     let [city, out] = args.get(..2).ok_or("a city and an output")? else { return Ok(()) };
-    let source = Source::open(Path::new(city))?;
+    let city = CityStore::open(Path::new(city))?;
+    let read = |kind, id| city.tile(kind, id);
+    let schema = StoredCity::read_schema(&read)?;
+    let source = StoredCity::new(city.manifest(), &schema, &read);
     let bbox = Some(arg(3, "-")).filter(|text| text != "-").map(|text| numbers(&text)).transpose()?;
     let paper = arg(4, "A3");
     let style = match args.get(6) {
         Some(path) => Stylesheet::parse(&std::fs::read_to_string(path)?)?,
         None => Stylesheet::default(),
     };
-    let color_by = std::env::var("COLOR_BY").ok().map(|text| ColorBy::parse(&text, &source.schema));
+    let color_by = std::env::var("COLOR_BY").ok().map(|text| ColorBy::parse(&text, &schema));
     let request = DrawRequest {
         view: view(&arg(2, "plan"))?,
         selection: ObjectSelection { bbox: bbox.map(|b| [[b[0], b[1]], [b[2], b[3]]]), ..ObjectSelection::default() },
@@ -163,7 +101,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Draws a second view of a part, and of a part of its own.
-fn measure_second(source: &Source, part: &DrawnPart, request: &DrawRequest) -> Result<(), Box<dyn Error>> {
+fn measure_second(source: &dyn ExportSource, part: &DrawnPart, request: &DrawRequest) -> Result<(), Box<dyn Error>> {
     let divisions = part.divisions();
     let started = Instant::now();
     let second = draw_part(source, part, request, &|_, _| true)?;
