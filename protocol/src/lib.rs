@@ -4,6 +4,7 @@
 //! no GPU and no logging. Decoders accept untrusted bytes: they never panic, never read out of bounds, and never
 //! allocate more than the limits in `docs/formats.md`.
 
+pub mod area;
 pub mod blockmap;
 pub mod codec;
 pub mod error;

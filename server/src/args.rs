@@ -15,16 +15,16 @@ pub use meshes::{AoArgs, CompareArgs, CompressArgs, DecompressArgs, SimplifyArgs
 #[cfg(feature = "bake")]
 pub use objects::{ChangesArgs, ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
-pub use parse::{DegreesBox, GeoPlace, ShareArea};
+pub use parse::GeoPlace;
 pub use publish::{PublishArgs, SignArgs};
 
 use crate::config::PublicUrl;
 use clap::{Parser, Subcommand, builder::ArgPredicate};
-use insula_command_line::{SetupCommand, output::OverwriteArgs};
+use insula_command_line::{SetupCommand, area::AreaArgs, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
-    parse_address, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres, parse_metres, parse_name,
-    parse_place, parse_positive_metres, parse_quality, parse_tile,
+    parse_address, parse_bytes, parse_cell, parse_crs, parse_kilometres, parse_metres, parse_name, parse_place,
+    parse_positive_metres, parse_quality, parse_tile,
 };
 use std::path::PathBuf;
 
@@ -133,6 +133,10 @@ pub enum ServerCommand {
 
 /// What is read of the inputs, and where it goes.
 #[derive(Debug, Clone, Default, clap::Args)]
+#[command(
+    mut_arg("bbox", |arg| arg.help("Only objects that reach into this area, in degrees")),
+    mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system, of which all inputs are read"))
+)]
 pub struct ReadArgs {
     /// Coordinate system of the city, as in EPSG:25832 [default: the first projected one of the inputs, else a UTM zone]
     #[arg(long, value_name = "EPSG:N", value_parser = parse_crs)]
@@ -147,9 +151,8 @@ pub struct ReadArgs {
     /// as in 'north/*.gml=ne'; may be repeated, the last that fits counts [default: auto]
     #[arg(long, value_name = "[PATTERN=]ORDER")]
     pub axis_order: Vec<String>,
-    /// Only objects in this area, in degrees
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees_box, allow_hyphen_values = true)]
-    pub bbox: Option<DegreesBox>,
+    #[command(flatten)]
+    pub area: AreaArgs,
     /// Only objects of these kinds: building, building-part, bridge, tunnel, road, rail, water, vegetation, land-use,
     /// furniture, relief, generic
     #[arg(long, value_name = "KINDS", value_delimiter = ',')]
@@ -470,6 +473,9 @@ mod tests {
             "insula-server sign --city A --expires 7d",
             "insula-server sign --city a --expires 7",
             "insula-server sign --city a --expires 7d --bbox-metres 1,2,3",
+            "insula-server sign --city a --expires 7d --bbox 84000,447000,84620,447620",
+            "insula-server sign --city a --expires 7d --bbox 1,2,3,4 --bbox-metres 1,2,3,4",
+            "insula-server bake a --out c --bbox 1,2,3,4 --bbox-metres 1,2,3,4",
             "insula-server sign --city a --expires 7d --url h:80",
             "insula-server sign --city a --expires 7d --url http://h/x?y",
             "insula-server inspect a --tile 1/2/0 --png p",

@@ -218,20 +218,11 @@ pub fn parse_lifetime(text: &str) -> Result<Duration, String> {
     secs.map(Duration::from_secs).ok_or_else(expected)
 }
 
-/// Parses `x0,y0,x1,y1` in metres to millimetres. Fails unless all are finite and x0 <= x1 and y0 <= y1.
-pub fn parse_area(text: &str) -> Result<[i64; 4], String> {
-    let parse = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= 1e9);
-    let numbers: Option<Vec<f64>> = text.split(',').map(parse).collect();
-    let [x0, y0, x1, y1] = numbers.as_deref().unwrap_or_default() else {
-        return Err("expected X0,Y0,X1,Y1 in metres of the city's reference system".into());
-    };
-    if x0 > x1 || y0 > y1 {
-        return Err("expected the south-west corner before the north-east one".into());
-    }
-    Ok([(x0, 0), (y0, 0), (x1, 1), (y1, 1)].map(|(m, up)| {
-        let mm = m * MM_PER_M;
-        (if up == 1 { mm.ceil() } else { mm.floor() }) as i64
-    }))
+/// The smallest area in whole millimetres around one between two corners in metres.
+#[must_use]
+pub fn area_mm([[west, south], [east, north]]: [[f64; 2]; 2]) -> [i64; 4] {
+    let (down, up) = (|m: f64| (m * MM_PER_M).floor() as i64, |m: f64| (m * MM_PER_M).ceil() as i64);
+    [down(west), down(south), up(east), up(north)]
 }
 
 /// Parses a version, or a prefix of versions followed by `*`, to a link's pattern. Fails if it cannot be a version.
@@ -365,8 +356,7 @@ mod tests {
             }
         }
         assert!(grant.scope.admits_route(RouteTemplate::Meshes) && !grant.scope.admits_route(RouteTemplate::Other));
-        assert_eq!(parse_area("-1,0,2.5,0.001"), Ok([-1000, 0, 2500, 1]));
-        assert!(["1,2,3", "1,2,3,nan", "2,0,1,0", ""].iter().all(|text| parse_area(text).is_err()));
+        assert_eq!(area_mm([[-1.0, 0.0], [2.5, 0.0005]]), [-1000, 0, 2500, 1]);
         assert_eq!(parse_version("*").as_deref(), Ok("~"));
         assert_eq!(parse_version("ab*").as_deref(), Ok("ab~"));
         assert!(parse_version("a~").is_err() && parse_version("A").is_err() && parse_version("").is_err());

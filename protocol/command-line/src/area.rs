@@ -1,12 +1,13 @@
 //! The part of a city that a command is about.
 
 use clap::Args;
+use insula_protocol::area::{is_in_degrees, is_in_metres};
 
 /// A rectangle on the map.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct AreaArgs {
     /// Only this area, in degrees: objects with the middle in it, and land and cells within its border
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees, allow_hyphen_values = true)]
     pub bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system
     #[arg(long, value_name = "W,S,E,N", value_parser = parse_metres, allow_hyphen_values = true, conflicts_with = "bbox")]
@@ -64,26 +65,18 @@ fn bounds_text(city: [[f64; 2]; 2], to_degrees: Option<&dyn Fn([f64; 2]) -> Opti
 
 fn parse_box(text: &str) -> Option<[f64; 4]> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let corners: [f64; 4] = numbers?.try_into().ok()?;
-    let [west, south, east, north] = corners;
-    (west < east && south < north && corners.iter().all(|number| number.is_finite())).then_some(corners)
+    numbers?.try_into().ok()
 }
 
-/// West, south, east and north in degrees. Fails if the text is something else.
-pub fn parse_degrees(text: &str) -> Result<[f64; 4], String> {
-    let is_on_earth =
-        |[west, south, east, north]: &[f64; 4]| *west >= -180.0 && *east <= 180.0 && *south >= -90.0 && *north <= 90.0;
-    parse_box(text)
-        .filter(is_on_earth)
-        .ok_or_else(|| "expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02".to_owned())
-}
-
-fn parse_area(text: &str) -> Result<[f64; 4], String> {
-    parse_degrees(text).map_err(|expected| expected + "; --bbox-metres takes metres")
+fn parse_degrees(text: &str) -> Result<[f64; 4], String> {
+    let expected =
+        "expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02; --bbox-metres takes metres";
+    parse_box(text).filter(|corners| is_in_degrees(*corners)).ok_or_else(|| expected.to_owned())
 }
 
 fn parse_metres(text: &str) -> Result<[f64; 4], String> {
-    parse_box(text).ok_or_else(|| "expected west, south, east and north in metres, separated by commas".to_owned())
+    let expected = "expected west, south, east and north in metres, separated by commas";
+    parse_box(text).filter(|corners| is_in_metres(*corners)).ok_or_else(|| expected.to_owned())
 }
 
 #[cfg(test)]
@@ -94,7 +87,7 @@ mod tests {
     fn areas_are_in_degrees_or_in_metres() {
         assert_eq!(parse_degrees("-1.5,2, 3,4"), Ok([-1.5, 2.0, 3.0, 4.0]));
         assert_eq!(parse_metres("84500,446150,84900,446500"), Ok([84_500.0, 446_150.0, 84_900.0, 446_500.0]));
-        let error = parse_area("84500,446150,84900,446500").unwrap_err();
+        let error = parse_degrees("84500,446150,84900,446500").unwrap_err();
         assert!(error.contains("--bbox-metres"), "{error}");
         for wrong in ["1,2,3", "3,2,1,4", "1,2,3,2", "a,2,3,4", "1,2,3,4,5", "", "nan,1,2,3", "-inf,1,2,3"] {
             assert!(parse_degrees(wrong).is_err() && parse_metres(wrong).is_err(), "{wrong}");

@@ -18,6 +18,7 @@ use insula_objects::{
     ColorBy,
     filter::{Filter, MAX_FILTER_BYTES},
 };
+use insula_protocol::area::{is_in_degrees, is_in_metres};
 use serde::Deserialize;
 
 /// Largest coordinate in metres.
@@ -39,9 +40,12 @@ pub struct DrawingOptions {
     /// Azimuth and elevation in degrees.
     #[serde(default)]
     axonometric: Option<[f64; 2]>,
-    /// West, south, east and north in metres of the city's coordinate system.
+    /// West, south, east and north in degrees.
     #[serde(default)]
     bbox: Option<[f64; 4]>,
+    /// The same in metres of the city's coordinate system.
+    #[serde(default)]
+    bbox_metres: Option<[f64; 4]>,
     #[serde(default)]
     filter: Option<String>,
     /// `ATTRIBUTE` or `ATTRIBUTE:PALETTE`.
@@ -84,7 +88,7 @@ impl DrawingOptions {
     /// Names the part of the city that is drawn, and its detail: drawings of one name may share a [`DrawnPart`](crate::DrawnPart).
     #[must_use]
     pub fn part_name(&self) -> String {
-        format!("{:?} {:?} {:?}", self.bbox, self.scale, self.filter)
+        format!("{:?} {:?} {:?} {:?}", self.bbox, self.bbox_metres, self.scale, self.filter)
     }
 
     /// How a city is drawn, without the [selection](Self::selection), which takes longer. Fails if a value is out of range.
@@ -155,19 +159,34 @@ impl DrawingOptions {
         }
     }
 
-    /// What is drawn of a city: with a filter, after reading all of its objects. Fails if these cannot be read, or a value is invalid.
-    pub fn selection(&self, source: &dyn ExportSource) -> Result<ObjectSelection, DrawError> {
-        let bbox = match self.bbox {
-            Some([west, south, east, north]) => {
-                let is_area =
-                    west < east && south < north && [west, south, east, north].iter().all(|v| v.abs() <= MAX_M);
-                if !is_area {
-                    return invalid("bbox: expected west, south, east and north");
-                }
-                Some([[west, south], [east, north]])
+    /// Corners on the map of the area that is drawn; `None` for all of the city.
+    fn area(&self, on_map: &dyn Fn([f64; 4]) -> Option<[[f64; 2]; 2]>) -> Result<Option<[[f64; 2]; 2]>, DrawError> {
+        match (self.bbox, self.bbox_metres) {
+            (Some(_), Some(_)) => invalid("at most one of bbox and bbox_metres"),
+            (Some(degrees), None) if !is_in_degrees(degrees) => {
+                invalid("bbox: expected west, south, east and north in degrees; bbox_metres takes metres")
             }
-            None => None,
-        };
+            (Some(degrees), None) => match on_map(degrees) {
+                None => invalid(
+                    "bbox: it is not known where on Earth this city lies, or the area is out of its coordinate system: use bbox_metres",
+                ),
+                area => Ok(area),
+            },
+            (None, Some(metres)) if !is_in_metres(metres) => {
+                invalid("bbox_metres: expected west, south, east and north in metres")
+            }
+            (None, metres) => Ok(metres.map(|[west, south, east, north]| [[west, south], [east, north]])),
+        }
+    }
+
+    /// What is drawn of a city: with a filter, after reading all of its objects. `on_map` gives the corners on the city's map of an area
+    /// in degrees, or `None` if these are not known. Fails if the objects cannot be read, or a value is invalid.
+    pub fn selection(
+        &self,
+        source: &dyn ExportSource,
+        on_map: &dyn Fn([f64; 4]) -> Option<[[f64; 2]; 2]>,
+    ) -> Result<ObjectSelection, DrawError> {
+        let bbox = self.area(on_map)?;
         let objects = match &self.filter {
             Some(text) if text.len() > MAX_FILTER_BYTES => {
                 return invalid(format!("filter: longer than {MAX_FILTER_BYTES} bytes"));
@@ -217,6 +236,23 @@ mod tests {
             r#"{"format":"svg","out":"/etc/passwd"}"#,
         ] {
             assert!(view(wrong).is_err(), "{wrong}");
+        }
+        let area = |json: &str| {
+            DrawingOptions::parse(json.as_bytes())?
+                .area(&|[west, ..]| (west >= 0.0).then_some([[1.0, 2.0], [3.0, 4.0]]))
+        };
+        assert_eq!(area(r#"{"format":"svg"}"#).unwrap(), None);
+        assert_eq!(area(r#"{"format":"svg","bbox":[4,52,5,53]}"#).unwrap(), Some([[1.0, 2.0], [3.0, 4.0]]));
+        let metres = area(r#"{"format":"svg","bbox_metres":[84500,446150,84900,446500]}"#).unwrap();
+        assert_eq!(metres, Some([[84_500.0, 446_150.0], [84_900.0, 446_500.0]]));
+        for (wrong, words) in [
+            (r#"{"format":"svg","bbox":[84500,446150,84900,446500]}"#, "bbox_metres takes metres"),
+            (r#"{"format":"svg","bbox":[-4,52,5,53]}"#, "not known where"),
+            (r#"{"format":"svg","bbox_metres":[5,5,1,9]}"#, "in metres"),
+            (r#"{"format":"svg","bbox":[4,52,5,53],"bbox_metres":[1,2,3,4]}"#, "at most one"),
+        ] {
+            let error = area(wrong).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
         }
         assert!(parse_scale("1:500").is_ok() && parse_scale("1:nan").is_err() && parse_scale("500").is_err());
     }

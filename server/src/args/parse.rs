@@ -1,23 +1,13 @@
 //! Values of options. Each function says in its error what it expects.
 
-use crate::{
-    config::{DEFAULT_LISTEN, check_address},
-    share_link,
-};
-use insula_command_line::area::parse_degrees;
+use crate::config::{DEFAULT_LISTEN, check_address};
+use insula_archive::city::MANIFEST_FILE;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
+use std::path::Path;
 
 /// Longitude and latitude in degrees, height in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GeoPlace(pub [f64; 3]);
-
-/// West, south, east and north in degrees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DegreesBox(pub [f64; 4]);
-
-/// `[x0, y0, x1, y1]` in millimetres.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ShareArea(pub [i64; 4]);
 
 pub(super) fn parse_ratio(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -90,10 +80,6 @@ pub(super) fn parse_place(text: &str) -> Result<GeoPlace, String> {
     }
 }
 
-pub(super) fn parse_degrees_box(text: &str) -> Result<DegreesBox, String> {
-    parse_degrees(text).map(DegreesBox)
-}
-
 /// Parses sizes such as `600MiB`, `2GB`, `1G`, `1073741824`.
 pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
     let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
@@ -128,8 +114,14 @@ pub(super) fn parse_address(text: &str) -> Result<String, String> {
     check_address(text).map(|()| text.to_owned()).map_err(|_| format!("expected HOST:PORT, such as {DEFAULT_LISTEN}"))
 }
 
-pub(super) fn parse_area(text: &str) -> Result<ShareArea, String> {
-    share_link::parse_area(text).map(ShareArea)
+/// Parses the name of a city, or a city's folder.
+pub(super) fn parse_signed_city(text: &str) -> Result<String, String> {
+    let is_folder = || Path::new(text).join(MANIFEST_FILE).is_file();
+    if is_name(text) || is_folder() {
+        Ok(text.into())
+    } else {
+        Err("expected a name of 1 to 64 of a-z, 0-9, _ and -, or a city's folder".into())
+    }
 }
 
 /// Parses an address of a web site, which gets a slash at the end.

@@ -1,25 +1,29 @@
 //! Arguments of `sign` and `publish`.
 
 use super::JsonArgs;
-use super::parse::{ShareArea, parse_area, parse_name, parse_site_address};
+use super::parse::{parse_signed_city, parse_site_address};
 use crate::{
     config::PublicUrl,
     share_link::{parse_lifetime, parse_version},
 };
+use insula_command_line::area::AreaArgs;
 use std::{path::PathBuf, time::Duration};
 
 /// Arguments of `sign`.
 #[derive(Debug, clap::Args)]
+#[command(
+    mut_arg("bbox", |arg| arg.help("Area that the link opens, in degrees, with the city's folder as --city [default: all]")),
+    mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system"))
+)]
 pub struct SignArgs {
-    /// Name of the city
-    #[arg(long, value_name = "C", value_parser = parse_name)]
+    /// Name of the city, or its folder
+    #[arg(long, value_name = "NAME|CITY", value_parser = parse_signed_city)]
     pub city: String,
     /// Lifetime of the link, as in 30m, 12h, 7d or 4w
     #[arg(long, value_name = "TIME", value_parser = parse_lifetime)]
     pub expires: Duration,
-    /// Area that the link opens, in metres of the city's reference system [default: all]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
-    pub bbox_metres: Option<ShareArea>,
+    #[command(flatten)]
+    pub area: AreaArgs,
     /// Page, manifest, tiles and search only
     #[arg(long)]
     pub read_only: bool,

@@ -145,7 +145,8 @@ pub(super) fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
         crs: args.crs.clone(),
         grids: args.grids.clone(),
         at: args.at.map(|place| place.0),
-        bbox_deg: args.bbox.map(|bbox| bbox.0),
+        bbox_deg: args.area.bbox,
+        bbox_m: args.area.bbox_metres,
         axis_orders: AxisOrders::new(rules),
         is_crs_found: false,
     })

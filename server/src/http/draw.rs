@@ -23,6 +23,7 @@ use axum::{
 };
 use bytes::Bytes;
 use insula_archive::ReadError;
+use insula_bake::read::EarthPlace;
 use insula_draw::{
     DrawError, DrawLimits, DrawnPart, draw_part,
     error::DrawStep,
@@ -156,6 +157,7 @@ fn make_now(
     };
     let schema = StoredCity::read_schema(&read).map_err(DrawError::Source)?;
     let source = StoredCity::new(city.manifest(), &schema, &read);
+    let on_map = |degrees| EarthPlace::of(city.manifest().crs.as_deref()?)?.box_on_map(degrees);
     let mut request = options.request(&source, limits)?;
     let progress = |_: DrawStep, _: f64| !stop.is_stopped();
     let key = ComputedKey::Part(city.serial(), options.part_name().into());
@@ -164,7 +166,7 @@ fn make_now(
     let part = match kept {
         Some(part) => part,
         None => {
-            request.selection = options.selection(&source)?;
+            request.selection = options.selection(&source, &on_map)?;
             Arc::new(DrawnPart::read(&source, &request, &progress)?)
         }
     };

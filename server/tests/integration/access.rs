@@ -175,6 +175,27 @@ fn a_share_link_begins_with_the_public_address() {
     assert!(link(&["--url", "http://other"]).starts_with("http://other/v1/cities/two?share="));
 }
 
+#[test]
+fn the_area_of_a_share_link_may_be_in_degrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys");
+    std::fs::write(&keys, "key 0123456789abcdef0123456789abcdef\n").unwrap();
+    let city = folder.path().join("Two");
+    small_city::write_city(&city, "two");
+    let run = |city: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
+        command.args(["sign", "--expires", "1h", "--bbox", "4.360,52.011,4.362,52.013", "--keys"]).arg(&keys);
+        command.arg("--city").arg(city).output().unwrap()
+    };
+    let link = String::from_utf8(run(&city).stdout).unwrap();
+    assert!(link.contains("/v1/cities/two?share="), "{link}");
+    // The box begins near x = 84,436 and y = 447,395, which are in the link in millimetres.
+    assert!(link.contains("~844") && link.contains("~4473"), "{link}");
+    let failed = run(Path::new("two"));
+    let message = String::from_utf8_lossy(&failed.stderr);
+    assert!(failed.status.code() == Some(2) && message.contains("--bbox-metres"), "{message}");
+}
+
 #[tokio::test]
 async fn the_openapi_document_is_printed_as_it_is_served() {
     let server = TestServer::start(|_| {}).await;

@@ -484,7 +484,7 @@ impl<'o> ReadContext<'o> {
             ]),
             (objects, painted) => objects.or(painted),
         };
-        let wanted = self.options.placing.bbox_deg.and_then(|bbox_deg| self.area_on_map(bbox_deg));
+        let wanted = self.wanted_area();
         let (Some([low, high]), Some([wanted_low, wanted_high])) = (bounds, wanted) else {
             return Ok(bounds.or(wanted));
         };
@@ -524,9 +524,7 @@ impl<'o> ReadContext<'o> {
     /// too far away. Corrects the reports. Fails if the stored triangles cannot be read.
     pub(crate) fn finish(mut self, report: &mut ReadReport) -> Result<ScratchScene, BakeError> {
         let sources = &mut report.sources;
-        if let Some(bbox_deg) = self.options.placing.bbox_deg
-            && let Some([low, high]) = self.area_on_map(bbox_deg)
-        {
+        if let Some([low, high]) = self.wanted_area() {
             self.builder.drop_outside(low, high, sources)?;
         }
         self.builder.drop_duplicates(self.options.duplicates, sources)?;
@@ -544,6 +542,15 @@ impl<'o> ReadContext<'o> {
         report.geoid = self.world.geoid();
         report.stones = self.stones;
         Ok(city)
+    }
+
+    /// Lowest and highest corner on the map of the area that the options name; `None` without one, or if the city's system does not
+    /// have it.
+    fn wanted_area(&mut self) -> Option<[[f64; 2]; 2]> {
+        match (self.options.placing.bbox_deg, self.options.placing.bbox_m) {
+            (Some(degrees), _) => self.area_on_map(degrees),
+            (None, metres) => metres.map(|[west, south, east, north]| [[west, south], [east, north]]),
+        }
     }
 
     /// The box on the map around an area in degrees; `None` if the city's system does not have it.

@@ -271,11 +271,11 @@ fn finish_city(read: ReadSources<'_>) -> Result<ReadCity, InputError> {
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let first = report.sources.first().map_or(String::new(), |source| source.path.clone());
     let failed = |error: BakeError| InputError::io(&first, std::io::Error::other(error));
-    let bbox_deg = context.options.placing.bbox_deg;
+    let placing = &context.options.placing;
     let mut city = context.finish(&mut report).map_err(failed)?;
     if city.triangles == 0 {
         bad.fail_with_first()?;
-        return Err(empty_city(&report, bbox_deg));
+        return Err(empty_city(&report, placing));
     }
     remove_empty_sources(&mut report, &mut set_of_source, &mut city, &mut bad)?;
     report.objects = city.objects.len() as u64;
@@ -462,7 +462,7 @@ fn is_elevation(source: &CitySource<'_>) -> bool {
 }
 
 /// Says that nothing was read, and why: most likely the wanted area is elsewhere, if there is one.
-fn empty_city(report: &ReadReport, bbox_deg: Option<[f64; 4]>) -> InputError {
+fn empty_city(report: &ReadReport, placing: &PlacingOptions) -> InputError {
     let Some(first) = report.sources.first().map(|source| &source.path) else {
         let path = report.ignored.first().cloned().unwrap_or_default();
         return InputError::NoSource { path };
@@ -470,9 +470,14 @@ fn empty_city(report: &ReadReport, bbox_deg: Option<[f64; 4]>) -> InputError {
     let others = report.sources.len().saturating_sub(1);
     let more = if others > 0 { format!(" and {others} more") } else { String::new() };
     let sources = format!("{first}{more}");
-    if let Some(corners) = bbox_deg {
-        let hint = format!(" in --bbox {}", corners.map(|degrees| degrees.to_string()).join(","));
-        let advice = "check that the input reaches into this area, which is west, south, east and north in degrees";
+    let in_degrees = "check that the input reaches into this area, which is west, south, east and north in degrees";
+    let in_metres = "check that the input reaches into this area, which is west, south, east and north in metres of the city's coordinate system (--crs)";
+    let wanted = match (placing.bbox_deg, placing.bbox_m) {
+        (Some(degrees), _) => Some(("--bbox", degrees, in_degrees)),
+        (None, metres) => metres.map(|metres| ("--bbox-metres", metres, in_metres)),
+    };
+    if let Some((option, corners, advice)) = wanted {
+        let hint = format!(" in {option} {}", corners.map(|side| side.to_string()).join(","));
         return InputError::Empty { sources, hint, advice };
     }
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();

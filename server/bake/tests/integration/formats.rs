@@ -109,6 +109,13 @@ fn kinds_and_an_area_choose_objects() {
     options.placing.bbox_deg = Some([9.0014, 48.0, 9.1, 49.0]);
     let (scene, report) = read_file("block.gml", &options);
     assert_eq!((scene.objects.len(), report.sources[0].outside_bbox), (1, 2));
+    options.placing.bbox_deg = None;
+    options.placing.bbox_m = Some([500_104.5, 5.2e6, 507_000.0, 5.5e6]);
+    let (in_metres, report) = read_file("block.gml", &options);
+    assert_eq!((in_metres.objects.len(), report.sources[0].outside_bbox), (1, 2));
+    options.placing.bbox_m = Some([0.0, 0.0, 9.0, 9.0]);
+    let error = read(&[data("block.gml")], &options, &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("in --bbox-metres 0,0,9,9; check"), "{error}");
     assert!((scene.triangles.iter().flat_map(|t| t.corners).map(|c| c[2]).fold(0.0, f32::max) - 64.0).abs() < 0.01);
 }
 

@@ -1,0 +1,36 @@
+//! Rectangles on the map, as people give them: west, south, east and north.
+
+/// Largest coordinate on a map, in metres.
+const MAX_M: f64 = 1e9;
+
+/// Whether these are the sides of a rectangle in degrees.
+#[must_use]
+pub fn is_in_degrees([west, south, east, north]: [f64; 4]) -> bool {
+    west < east && south < north && west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0
+}
+
+/// Whether these are the sides of a rectangle in metres of a city's coordinate system.
+#[must_use]
+pub fn is_in_metres([west, south, east, north]: [f64; 4]) -> bool {
+    west < east && south < north && [west, south, east, north].iter().all(|side| side.abs() <= MAX_M)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rectangles_have_an_extent_on_earth() {
+        assert!(is_in_degrees([-1.5, 2.0, 3.0, 4.0]) && is_in_metres([84_500.0, 446_150.0, 84_900.0, 446_500.0]));
+        assert!(!is_in_degrees([84_500.0, 446_150.0, 84_900.0, 446_500.0]));
+        for wrong in [
+            [3.0, 2.0, 1.0, 4.0],
+            [1.0, 2.0, 3.0, 2.0],
+            [f64::NAN, 1.0, 2.0, 3.0],
+            [f64::NEG_INFINITY, 1.0, 2.0, 3.0],
+            [1e300, 0.0, 2e300, 1.0],
+        ] {
+            assert!(!is_in_degrees(wrong) && !is_in_metres(wrong), "{wrong:?}");
+        }
+    }
+}
