@@ -8,11 +8,9 @@ use crate::{
 };
 use glam::DVec2;
 use insula_protocol::Manifest;
-use insula_viewer::{camera::Camera, earth::grid_position};
+use insula_viewer::{camera::Camera, collision::EYE_HEIGHT_M, earth::grid_position};
 use std::f64::consts::FRAC_PI_2;
 
-/// Height of eyes above streets.
-const EYE_M: f64 = 1.7;
 /// Eyes on streets look a little up, to where houses are.
 const STREET_PITCH_DEG: f64 = 5.0;
 const STREET_FOV_DEG: f64 = 60.0;
@@ -51,17 +49,13 @@ pub fn stand_on_ground(camera: Camera, session: &Session) -> Camera {
     let manifest = session.tree().manifest();
     let below_all = camera.position.with_z(manifest.bounds[0][2].min(manifest.ground_z_m) - 1.0);
     let ground_m = session.solids().free_height_above(below_all).max(manifest.ground_z_m);
-    Camera { position: camera.position.with_z(ground_m + EYE_M), ..camera }
+    Camera { position: camera.position.with_z(ground_m + EYE_HEIGHT_M), ..camera }
 }
 
 /// The camera above what it is inside of, or below; `None` if it is outside.
 pub fn lifted_out(camera: Camera, session: &Session) -> Option<Camera> {
-    let (solids, manifest) = (session.solids(), session.tree().manifest());
-    // Below all that stands there is the Earth, and not the outside.
-    let is_below = camera.position.z < manifest.bounds[0][2].min(manifest.ground_z_m);
-    let is_inside = is_below || solids.is_inside(camera.position);
-    let height_m = is_inside.then(|| solids.free_height_above(camera.position))?;
-    Some(Camera { position: camera.position.with_z(height_m + EYE_M), ..camera })
+    let z = session.solids().lifted_eye_z(camera.position)?;
+    Some(Camera { position: camera.position.with_z(z), ..camera })
 }
 
 fn street_view(street: StreetPlace, manifest: &Manifest) -> Result<Camera> {

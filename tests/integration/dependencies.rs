@@ -179,6 +179,7 @@ const ALLOWED: [(&str, &[&str]); 25] = [
             "insula-shaders",
             "insula-viewer",
             "insula-server",
+            "insula-analysis",
             "insula-bake",
             "insula-draw",
             "insula-export",
@@ -214,6 +215,7 @@ fn optional_parts_are_optional_dependencies() {
         ("insula-client", "insula-bake"),
         ("insula-client", "insula-draw"),
         ("insula-client", "insula-export"),
+        ("insula-client", "insula-analysis"),
     ] {
         let found = workspace.declared(package).into_iter().find(|d| d.name == optional);
         assert!(found.is_some_and(|d| d.optional), "{package} must build without {optional}");

@@ -22,6 +22,9 @@ pub struct DrawArgs {
     /// the drawing.
     #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
+    /// Keep a camera that is inside of a building or below the ground, instead of lifting it out.
+    #[arg(long, requires = "view")]
+    pub keep_camera: bool,
     /// View from above, to scale, north at the top.
     #[arg(long)]
     pub plan: bool,

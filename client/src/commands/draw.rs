@@ -14,9 +14,13 @@ use crate::{
     stream::{city::OpenedCity, fetch::Http, jitter::jitter},
 };
 use bytes::Bytes;
+use insula_analysis::eye::lifted_eye_z;
 use insula_archive::{ReadError, file};
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
-use insula_command_line::output::{FileKind, Outputs};
+use insula_command_line::{
+    camera::inside_note,
+    output::{FileKind, Outputs},
+};
 use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
@@ -88,9 +92,9 @@ fn check_output(args: &DrawArgs) -> Result<()> {
 fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> Result<()> {
     let format = DrawingFormat::of(&args.out).map_err(|error| failed(&error))?;
     let paper = Paper::parse(&args.paper).map_err(|error| failed(&error))?;
-    let view = view(args)?;
     let schema = StoredCity::read_schema(read).map_err(|error| unreadable(&error))?;
     let source = StoredCity::new(manifest, &schema, read);
+    let view = view(args, &source)?;
     let color_by = args.color_by.as_ref().map(|text| {
         let parsed = ColorBy::parse(text, source.schema());
         let color_by = parsed.map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))?;
@@ -206,12 +210,20 @@ fn read_text(path: &Path) -> Result<String> {
     file::read_text(path, MAX_TEXT_BYTES).map_err(ClientError::file(path))
 }
 
-fn view(args: &DrawArgs) -> Result<DrawView> {
+/// The view of the options, whose eye is lifted out of buildings and the ground. Fails if a file cannot be read, or a tile of the city.
+fn view(args: &DrawArgs, source: &dyn ExportSource) -> Result<DrawView> {
     if let Some([azimuth_deg, elevation_deg]) = args.axonometric {
         return Ok(DrawView::Axonometric { azimuth_deg, elevation_deg });
     }
     let Some(given) = &args.view else { return Ok(DrawView::Plan) };
-    let CameraFile { position, target, up, fov_y_deg } = CameraFile::from_camera(&read_camera(given)?);
+    let mut camera = read_camera(given)?;
+    if let Some(z) = lifted_eye_z(source, camera.position.to_array()).map_err(|error| unreadable(&error))? {
+        eprintln!("note: {}", inside_note(args.keep_camera, z - camera.position.z));
+        if !args.keep_camera {
+            camera.position.z = z;
+        }
+    }
+    let CameraFile { position, target, up, fov_y_deg } = CameraFile::from_camera(&camera);
     Ok(DrawView::Perspective { position, target, up, fov_y_deg })
 }
 

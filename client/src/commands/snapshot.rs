@@ -13,7 +13,10 @@ use crate::{
 };
 use glam::DVec3;
 use insula_archive::new_file::replace;
-use insula_command_line::output::{FileKind, Outputs};
+use insula_command_line::{
+    camera::inside_note,
+    output::{FileKind, Outputs},
+};
 use insula_protocol::{
     blockmap::NO_OBJECT,
     text::{count, human_bytes, printable},
@@ -104,12 +107,8 @@ fn outside(
     settle_with_progress(session, &request, global)?;
     if let Some(lifted) = lifted_out(request.camera, session) {
         let up_m = lifted.position.z - request.camera.position.z;
-        if args.viewpoint.keep_camera {
-            eprintln!("note: the camera is inside of a building or below the ground");
-        } else {
-            eprintln!(
-                "note: the camera is inside of a building or below the ground: lifted by {up_m:.1} m; --keep-camera keeps it"
-            );
+        eprintln!("note: {}", inside_note(args.viewpoint.keep_camera, up_m));
+        if !args.viewpoint.keep_camera {
             request.camera = lifted;
         }
     }

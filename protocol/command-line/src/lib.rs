@@ -2,6 +2,7 @@
 //! completions, man pages and docs/cli.md.
 
 pub mod area;
+pub mod camera;
 pub mod http;
 pub mod log;
 mod markdown;

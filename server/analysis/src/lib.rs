@@ -16,6 +16,7 @@
 //! | `solar` | irradiation of a year under a clear sky |
 //! | `view_shed` | the places that are visible from a point |
 //! | `rays`, `points` | the same for given points, by rays against the finest triangles |
+//! | `eye` | eyes that are inside of a building or below the ground |
 //! | `evidence`, `canvas` | what a point sees of the sky, as a picture |
 //! | `sight`, `vista` | lines of sight between points; what breaks into protected vistas |
 //! | `proposal` | a surface with what is added and removed, and how far values change |
@@ -26,6 +27,7 @@ pub mod buildings;
 mod canvas;
 pub mod clock;
 pub mod evidence;
+pub mod eye;
 mod horizon;
 mod kinds;
 mod light;

@@ -48,6 +48,13 @@ impl ExportCamera {
         ((-90.0..=90.0).contains(&pitch_deg) && camera.axes().is_some()).then_some(camera)
     }
 
+    /// The camera with its eye raised by some metres, in the same direction.
+    #[must_use]
+    pub fn raised(self, metres: f64) -> Self {
+        let up = |[x, y, z]: [f64; 3]| [x, y, z + metres];
+        Self { position: up(self.position), target: up(self.target), ..self }
+    }
+
     /// The unit vectors to the right, to the top and into the frame, as columns. An `up` along the view is replaced. `None` if
     /// position and target are equal, or a value is not finite or out of range.
     #[must_use]
@@ -73,6 +80,8 @@ mod tests {
         let axes = east.axes().unwrap();
         assert!((axes.z_axis - DVec3::X).length() < 1e-12 && (axes.y_axis - DVec3::Z).length() < 1e-12);
         assert_eq!((east.position, east.fov_y_deg), ([10.0, 20.0, 30.0], 50.0));
+        let raised = east.raised(5.0);
+        assert_eq!((raised.position, raised.axes().unwrap().z_axis), ([10.0, 20.0, 35.0], axes.z_axis));
         let down = ExportCamera::of_text("0,0,30,90,-90,50").unwrap().axes().unwrap();
         assert!((down.z_axis + DVec3::Z).length() < 1e-12 && (down.y_axis - DVec3::X).length() < 1e-12);
         for wrong in ["", "1,2,3", "0,0,0,0,91,50", "0,0,0,0,0,0.5", "nan,0,0,0,0,50", "camera.json"] {

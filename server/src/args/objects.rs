@@ -71,6 +71,9 @@ pub struct ExportArgs {
     /// Only what a camera sees, as coarse as its picture allows, for `--format glb`: a camera file, or the `camera=` text of a view link
     #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
+    /// Keep a camera that is inside of a building or below the ground, instead of lifting it out
+    #[arg(long, requires = "view")]
+    pub keep_camera: bool,
     /// Size of the picture of `--camera`
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1280x720", requires = "view")]
     pub size: [u32; 2],

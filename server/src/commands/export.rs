@@ -5,12 +5,16 @@ use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
+use insula_analysis::eye::lifted_eye_z;
 use insula_archive::{
     file::{read_limited, read_text},
     new_file::replace,
 };
 use insula_bake::read::EarthPlace;
-use insula_command_line::output::{FileKind, Outputs};
+use insula_command_line::{
+    camera::inside_note,
+    output::{FileKind, Outputs},
+};
 use insula_export::{
     camera::ExportCamera,
     file,
@@ -43,7 +47,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
-    let view = view(args, format)?;
+    let view = view(args, format, &source)?;
     if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
         return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
     }
@@ -208,7 +212,7 @@ fn by_options(args: &ExportArgs) -> String {
 }
 
 /// The view of `--camera`. Fails if there is no such file or camera, or if the format has no views.
-fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, CommandError> {
+fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Result<Option<ExportView>, CommandError> {
     let Some(path) = &args.view else { return Ok(None) };
     if format != ExportFormat::Glb {
         return Err(CommandError::Usage(
@@ -216,13 +220,21 @@ fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, C
         ));
     }
     let wrong = |reason: String| CommandError::Usage(format!("--camera {}: {reason}", path.display()));
-    let camera = match ExportCamera::of_text(&path.to_string_lossy()) {
+    let mut camera = match ExportCamera::of_text(&path.to_string_lossy()) {
         Some(camera) => camera,
         None => {
             let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(error.to_string()))?;
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?
         }
     };
+    let lifted = lifted_eye_z(source, camera.position)
+        .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
+    if let Some(z) = lifted {
+        eprintln!("note: {}", inside_note(args.keep_camera, z - camera.position[2]));
+        if !args.keep_camera {
+            camera = camera.raised(z - camera.position[2]);
+        }
+    }
     let view = ExportView::new(camera, args.size, args.tau);
     view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
 }

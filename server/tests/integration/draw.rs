@@ -1,6 +1,7 @@
 //! Vector drawings over HTTP: the bytes of `insula draw`, and the limits of the route.
 
 use crate::test_server::{TestServer, assert_problem, read_to_end};
+use insula_analysis::eye::lifted_eye_z;
 use insula_draw::{
     DrawLimits, DrawRequest, DrawnPart, draw, draw_part,
     file::{DrawingFormat, encode},
@@ -136,6 +137,33 @@ fn a_second_view_of_a_part_needs_no_tree() {
         let drawn = draw_part(&source, &part, &other, &|_, _| true).unwrap();
         assert!(drawn == draw(&source, &other, &|_, _| true).unwrap(), "{view:?}: as with a tree of its own");
         assert_eq!((part.divisions(), part.byte_len()), (divisions, bytes), "{view:?}");
+    }
+}
+
+#[test]
+fn eyes_in_houses_and_below_the_ground_are_lifted_out() {
+    let folder = tempfile::tempdir().unwrap();
+    small_city::write_city_with_meshes(folder.path(), "two");
+    let city = CityStore::open(folder.path()).unwrap();
+    let schema = Schema::default();
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let lifted = |eye| lifted_eye_z(&source, eye).unwrap();
+    // The house of the mesh is 6 m high, and its node's corner lies at 85064, 446064.
+    for (eye, expected) in [
+        ([85_069.0, 446_070.0, 3.0], Some(7.7)),
+        ([85_069.0, 446_070.0, -30.0], Some(7.7)),
+        ([85_069.0, 446_070.0, 6.5], None),
+        ([85_080.0, 446_070.0, 1.0], None),
+        ([85_080.0, 446_070.0, -30.0], Some(1.7)),
+        ([84_000.0, 446_070.0, 1.0], None),
+        ([84_000.0, 446_070.0, -30.0], Some(1.7)),
+    ] {
+        let is_same = match (lifted(eye), expected) {
+            (Some(z), Some(expected)) => f64::abs(z - expected) < 0.05,
+            (z, expected) => z == expected,
+        };
+        assert!(is_same, "{eye:?}: {:?}", lifted(eye));
     }
 }
 

@@ -21,6 +21,8 @@ use insula_protocol::{Manifest, TileId, mesh_tile::MAX_LODS};
 const MAX_TILES: usize = 1024;
 /// Heights that differ by less are the same, in metres.
 const SAME_HEIGHT_M: f64 = 1e-3;
+/// Height of eyes above what they stand on.
+pub const EYE_HEIGHT_M: f64 = 1.7;
 
 /// A resident tile, and the place that it covers.
 struct CoveringTile<'a> {
@@ -37,7 +39,7 @@ struct CoveringTile<'a> {
 /// ```text
 /// walking:   z = solids.ground_below(eye + step).map(|ground| ground + eye_height)
 /// collision: solids.hit_on_way(eye, next_eye)
-/// rescue:    if solids.is_inside(eye) { eye.z = solids.free_height_above(eye) + eye_height }
+/// rescue:    if let Some(z) = solids.lifted_eye_z(eye) { eye.z = z }
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct CitySolids<'a> {
@@ -70,15 +72,12 @@ impl<'a> CitySolids<'a> {
 
     /// The lowest height at or above a point that is in no solid: that of the point itself if it is outside.
     pub fn free_height_above(&self, point: DVec3) -> f64 {
-        let mut solids = self.intervals_at(point.xy());
-        solids.sort_by(|a, b| a.bottom.total_cmp(&b.bottom));
-        let mut z = point.z;
-        for solid in solids {
-            if solid.bottom < z + SAME_HEIGHT_M && z < solid.top {
-                z = solid.top;
-            }
-        }
-        z
+        free_height(self.intervals_at(point.xy()), point.z)
+    }
+
+    /// Height of an eye that is lifted out of what it is inside of, or below; `None` if it is outside.
+    pub fn lifted_eye_z(&self, eye: DVec3) -> Option<f64> {
+        lifted_eye_z(self.manifest, self.intervals_at(eye.xy()), eye.z)
     }
 
     /// The first point of the way between two points that meets a solid, as [`Self::hit_on_way`], or the ground plane from above.
@@ -178,4 +177,26 @@ impl<'a> CitySolids<'a> {
         }
         square
     }
+}
+
+/// The lowest height at or above `z` that is in none of the solids at a place.
+fn free_height(mut solids: Vec<SolidInterval>, mut z: f64) -> f64 {
+    solids.sort_by(|a, b| a.bottom.total_cmp(&b.bottom));
+    for solid in solids {
+        if solid.bottom < z + SAME_HEIGHT_M && z < solid.top {
+            z = solid.top;
+        }
+    }
+    z
+}
+
+/// Height of an eye at height `z` that is lifted out of the solids at its place, which are world heights, or out of the Earth; `None`
+/// if it is outside.
+#[must_use]
+pub fn lifted_eye_z(manifest: &Manifest, solids: Vec<SolidInterval>, z: f64) -> Option<f64> {
+    // Below all that stands there is the Earth, and not the outside.
+    let is_below = z < manifest.bounds[0][2].min(manifest.ground_z_m);
+    let is_inside = is_below || solids.iter().any(|solid| solid.bottom < z && z < solid.top);
+    let lowest_free = if is_below { manifest.ground_z_m } else { z };
+    is_inside.then(|| free_height(solids, lowest_free) + EYE_HEIGHT_M)
 }

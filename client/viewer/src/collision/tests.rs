@@ -225,6 +225,22 @@ fn a_mesh_counts_before_columns_and_a_finer_tile_before_a_coarser() {
 }
 
 #[test]
+fn eyes_are_lifted_out_of_houses_and_of_the_earth() {
+    let (manifest, cache) = (city(), cache_of(vec![block_map(leaf(0, 0), 1.0, &[([15, 15], solid(0, 80))])]));
+    let solids = CitySolids::new(&manifest, &cache);
+    for (eye, expected) in [
+        (at(15.5, 15.5, 2.0), Some(106.7)),
+        (at(15.5, 15.5, -150.0), Some(106.7)),
+        (at(15.5, 15.5, 5.5), None),
+        (at(30.0, 30.0, -150.0), Some(101.7)),
+        (at(30.0, 30.0, 1.0), None),
+    ] {
+        let lifted = solids.lifted_eye_z(eye);
+        assert_eq!(lifted.map(|z| (z * 10.0).round()), expected.map(|z: f64| (z * 10.0).round()), "{eye}");
+    }
+}
+
+#[test]
 fn open_meshes_are_buildings_bridges_and_sheets() {
     // A house without a floor, a bridge of 1 m, and a sheet with two sides.
     let roof = |side: f64, z: f64, is_up: bool| {

@@ -1,6 +1,9 @@
 //! Steers the camera with keys and mouse: flying, or orbiting around a point.
 
-use crate::{camera::Camera, collision::CitySolids};
+use crate::{
+    camera::Camera,
+    collision::{CitySolids, EYE_HEIGHT_M},
+};
 use glam::DVec3;
 use std::{f64::consts::FRAC_PI_2, time::Duration};
 use web_time::Instant;
@@ -26,8 +29,6 @@ const GROUND_SPEED: f64 = 4.0;
 const SPEED_PER_METRE: f64 = 0.4;
 /// Share of the way to a point that a double click goes.
 const APPROACH: f64 = 0.6;
-/// Height above the target of a camera that goes there without looking down: that of a person's eyes.
-const EYE_HEIGHT_M: f64 = 1.7;
 
 /// Direction of a movement key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,13 +153,11 @@ impl CameraControl {
 
     /// Lifts a camera that is inside of a building or below the ground to the roof or the ground. Returns whether it was.
     pub fn lift_out(&mut self, solids: &CitySolids<'_>) -> bool {
-        let is_inside = solids.is_inside(self.position);
-        if is_inside {
-            self.position.z = solids.free_height_above(self.position) + EYE_HEIGHT_M;
-            self.checked = self.position;
-            self.pivot_distance_m = self.distance_to_ground_m();
-        }
-        is_inside
+        let Some(z) = solids.lifted_eye_z(self.position) else { return false };
+        self.position.z = z;
+        self.checked = self.position;
+        self.pivot_distance_m = self.distance_to_ground_m();
+        true
     }
 
     /// Goes back to where the view began.

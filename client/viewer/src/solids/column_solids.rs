@@ -84,7 +84,7 @@ impl ColumnSolids {
     }
 
     /// The solids at `p`, metres from the south-west corner, as heights above the city's height zero.
-    pub(crate) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
+    pub fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
         let cells = p / self.cell_m;
         let cell = cells.floor().clamp(DVec2::ZERO, DVec2::splat(LAST_CELL));
         let height = |code: f64| self.z_base_m + code * self.z_step_m;

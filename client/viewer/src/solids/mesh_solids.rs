@@ -44,7 +44,7 @@ impl MeshSolids {
     }
 
     /// The solids at `p`, metres from the south-west corner, as heights above the city's height zero, from top to bottom.
-    pub(crate) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
+    pub fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
         let place = (p - self.min_m.xy()) / self.step_m;
         let mut crossings: Vec<SurfaceCrossing> =
             self.triangles.iter().filter_map(|t| self.crossing(t, place)).collect();

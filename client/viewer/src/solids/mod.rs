@@ -10,9 +10,9 @@ use glam::{DVec2, DVec3};
 
 /// A solid above and below a point: heights of bottom and top. An open bottom is minus infinity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SolidInterval {
-    pub(crate) bottom: f64,
-    pub(crate) top: f64,
+pub struct SolidInterval {
+    pub bottom: f64,
+    pub top: f64,
 }
 
 /// The solids of a tile, in metres from the south-west corner of its node and the city's height zero.
