@@ -34,7 +34,10 @@ use insula_export::{
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
-use insula_objects::{ColorBy, filter::Filter};
+use insula_objects::{
+    ColorBy,
+    filter::{Filter, NONE_PASSES},
+};
 use insula_protocol::{
     Manifest, TileId, TileKind,
     text::{count, human_bytes, printable},
@@ -239,7 +242,7 @@ fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelecti
     if let (Some(text), Some(objects)) = (&args.filter, &objects)
         && objects.is_empty()
     {
-        return Err(ClientError::Usage(format!("nothing to draw: --filter {text}: no object passes")));
+        return Err(ClientError::Usage(format!("nothing to draw: --filter {text}: {NONE_PASSES}")));
     }
     let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
     if let Some(reason) = bbox.and_then(|area| args.area.beyond(area, city, &|p| place.as_ref()?.lon_lat(p))) {

@@ -17,6 +17,7 @@ use insula_command_line::{
     camera::inside_note,
     output::{FileKind, Outputs},
 };
+use insula_objects::filter::NONE_PASSES_IN_VIEW;
 use insula_protocol::{
     blockmap::NO_OBJECT,
     text::{count, human_bytes, printable},
@@ -52,7 +53,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         let styled = objects.styles(&args.styles.rules())?;
         if args.styles.filter.is_some() {
             match styled.passing {
-                0 => eprintln!("warning: no object passes the filter, so it changes nothing"),
+                0 => eprintln!("warning: {NONE_PASSES_IN_VIEW}"),
                 passing => eprintln!("{} of the city pass the filter", count(passing as u64, "object")),
             }
         }

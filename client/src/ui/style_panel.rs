@@ -8,6 +8,7 @@ use egui::{Color32, RichText, Sense, Ui, vec2};
 use insula_objects::{
     Schema,
     color::{ColorBy, Legend, Ramp},
+    filter::NONE_PASSES_IN_VIEW,
 };
 use insula_protocol::text::{count, printable};
 use insula_viewer::objects::{FilteredOut, ObjectStyles, StyleRules, StyledObjects};
@@ -154,6 +155,10 @@ impl StylePanel {
         });
         if !self.requested.filter.is_empty() {
             ui.horizontal(|ui| {
+                if self.passing == 0 && !self.worker.is_busy() && self.error.is_none() {
+                    ui.label(NONE_PASSES_IN_VIEW);
+                    return;
+                }
                 ui.label(format!("passing: {}; others are", count(self.passing as u64, "object")));
                 ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Ghost, "pale");
                 ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Hide, "hidden");

@@ -4,7 +4,7 @@
  *
  * `{name}` in a text is a place for a value, so that languages may order the words freely: such a text becomes a function of the
  * values in the order of the English text. Texts that depend on a number have a form for each plural (`one`, `few`, `other`, ...)
- * with `#` for the number.
+ * with `#` for the number. In every language, `zero` is the text for none, if there is one.
  */
 
 import english from './language-en.json' with { type: 'json' };
@@ -95,5 +95,6 @@ function sentence(original, text) {
 }
 
 function plural(n, forms) {
-  return (forms[plurals.select(n)] ?? forms.other).replaceAll('#', numbers.format(n));
+  const form = forms[n === 0 ? 'zero' : plurals.select(n)] ?? forms[plurals.select(n)] ?? forms.other;
+  return form.replaceAll('#', numbers.format(n));
 }

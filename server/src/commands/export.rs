@@ -25,7 +25,7 @@ use insula_export::{
     table::{ExportReport, TableOptions},
     tiles3d::{Destination, Tileset, write_tileset},
 };
-use insula_objects::filter::Filter;
+use insula_objects::filter::{Filter, NONE_PASSES};
 use insula_protocol::{
     Manifest,
     text::{count, human_bytes, printable},
@@ -193,7 +193,7 @@ fn nothing_selected(
     if let (Some(text), Some(objects)) = (&args.filter, &selection.objects)
         && objects.is_empty()
     {
-        return Some(format!("--filter {text}: no object passes"));
+        return Some(format!("--filter {text}: {NONE_PASSES}"));
     }
     let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
     args.area.beyond(selection.bbox?, city, &|p| place?.lon_lat(p))

@@ -275,6 +275,8 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
     ensure!(made["passing"] == 6 && made["legend"].is_null(), "{made}");
     page.page.ended_request(|request| request.url.contains("/filter?expr=")).context("no filter was requested")?;
     ensure!(object_requests(&page)?.len() == before, "blocks were fetched for a filter");
+    page.page.evaluate(&format!("{}.setColors({{ filter: 'yearOfConstruction > 9000' }})", element()))?;
+    page.page.wait_for("document.body.textContent.includes('No object passes, so nothing changes')", REACTION)?;
     page.page.evaluate(&format!("{}.setColors(null)", element()))?;
     page.page.wait_for("document.querySelector('.legend').hidden", REACTION)?;
     ensure_no_problems(&page)

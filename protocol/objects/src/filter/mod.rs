@@ -45,6 +45,11 @@ pub const MAX_FILTER_BYTES: usize = 4096;
 /// Maximum depth of parentheses, negations and function calls.
 pub const MAX_DEPTH: usize = 64;
 
+/// What is told of a filter that no object of a city passes.
+pub const NONE_PASSES: &str = "no object passes the filter";
+/// What that means where other objects are drawn, too: kinds of which none passes stay as they are, and these are all.
+pub const NONE_PASSES_IN_VIEW: &str = "no object passes the filter, so it changes nothing";
+
 /// Why a text is no filter.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message} (at character {at})")]
