@@ -5,7 +5,6 @@
 
 mod block_scene;
 mod context;
-mod estimate;
 mod far_land;
 mod generated;
 mod hashed;
@@ -166,9 +165,6 @@ impl<'a> BakeRun<'a> {
         let previous = self.open_previous();
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
-        if let Some(warning) = estimate::warning(&partition.partition.blocks, city.triangles, self.config) {
-            self.progress.warn(&warning);
-        }
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let resume = self.prepare_scratch(&partition, surroundings)?;
