@@ -22,13 +22,23 @@ enum Conversion {
 use Conversion::{Advice, Command, Rename};
 
 const TO_OBJ: Conversion = Command { command: "assimp export IN OUT", extension: "obj" };
-const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT IN", extension: "geojson" };
+/// GeoPackage has several layers, and keeps the coordinate system and surfaces in space.
+const TO_GPKG: Conversion = Command { command: "ogr2ogr -f GPKG OUT IN", extension: "gpkg" };
 const FROM_POINTS: Conversion =
     Advice("points have no surfaces: roofer (github.com/3DBAG/roofer) makes CityJSONSeq of them and of footprints");
 const FROM_TEXT: Conversion = Advice(
     "gdal_translate makes an elevation model (.tif) of a grid of heights, and PDAL a point cloud (.laz) of other points",
 );
-const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
+const FROM_CAD: Conversion =
+    Advice("export its bodies as OBJ or STL, in metres, from the program that made it; --at places meshes");
+const FROM_SKETCHUP: Conversion =
+    Advice("export it from SketchUp as glTF (.glb), or as OBJ in metres; --at places meshes");
+const FROM_RHINO: Conversion = Advice("export it from Rhino as OBJ, in metres and with z up; --at places meshes");
+const FROM_REVIT: Conversion =
+    Advice("export it from Revit as IFC, and convert that with: IfcConvert MODEL.ifc MODEL.obj; --at places meshes");
+const FROM_BLENDER: Conversion = Advice("export it from Blender as glTF (.glb); --at places meshes");
+const FROM_3DS_MAX: Conversion =
+    Advice("export it from 3ds Max as glTF (.glb), or as OBJ in metres; --at places meshes");
 const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
 const FROM_HISTORY: Conversion = Advice("osmium time-filter makes a map of one day (.osm.pbf) of it");
 const FROM_CHANGES: Conversion = Advice("osmium apply-changes makes a map (.osm.pbf) of one and its changes");
@@ -39,32 +49,31 @@ const TO_CSV: Conversion = Command { command: "ogr2ogr -f CSV OUT IN", extension
 /// Its world file tells no coordinate system.
 const TO_PLACED_TIF: Conversion = Command { command: "gdal_translate -a_srs EPSG:N IN OUT", extension: "tif" };
 const FROM_DATABASE: Conversion =
-    Advice("convert the folder .gdb that it is of with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT.geojson FOLDER.gdb");
+    Advice("convert the folder .gdb that it is of with: ogr2ogr -f GPKG OUT.gpkg FOLDER.gdb");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
 /// Extensions, without `.gz`, with the name of the format.
 const FORMATS: &[(&[&str], &str, Conversion)] = &[
-    (&["kml", "kmz"], "KML", TO_GEOJSON),
-    (&["gdb", "mdb"], "Esri geodatabase", TO_GEOJSON),
+    (&["kml", "kmz"], "KML", TO_GPKG),
+    (&["gdb", "mdb"], "Esri geodatabase", TO_GPKG),
     (&["gdbtable"], "a table of an Esri geodatabase", FROM_DATABASE),
-    (&["tab", "mif"], "MapInfo", TO_GEOJSON),
-    (&["sqlite"], "SpatiaLite", TO_GEOJSON),
-    (&["mbtiles", "pmtiles"], "vector tiles", TO_GEOJSON),
-    (&["gpx"], "GPX", TO_GEOJSON),
+    (&["tab", "mif"], "MapInfo", TO_GPKG),
+    (&["sqlite"], "SpatiaLite", TO_GPKG),
+    (&["mbtiles", "pmtiles"], "vector tiles", TO_GPKG),
+    (&["gpx"], "GPX", TO_GPKG),
     (&["xlsx", "ods"], "spreadsheets", TO_CSV),
     (&["ifc"], "IFC", Command { command: "IfcConvert IN OUT", extension: "obj" }),
     (&["fbx"], "FBX", TO_OBJ),
     (&["3ds"], "3DS", TO_OBJ),
     (&["dae"], "COLLADA", TO_OBJ),
-    (&["off"], "OFF", TO_OBJ),
     (&["x3d"], "X3D", TO_OBJ),
     (&["dwg", "dxf", "dgn"], "CAD drawings", FROM_CAD),
-    (&["skp"], "SketchUp", FROM_CAD),
-    (&["3dm"], "Rhino", FROM_CAD),
-    (&["rvt"], "Revit", FROM_CAD),
-    (&["max"], "3ds Max", FROM_CAD),
-    (&["blend"], "Blender", FROM_CAD),
+    (&["skp"], "SketchUp", FROM_SKETCHUP),
+    (&["3dm"], "Rhino", FROM_RHINO),
+    (&["rvt"], "Revit", FROM_REVIT),
+    (&["max"], "3ds Max", FROM_3DS_MAX),
+    (&["blend"], "Blender", FROM_BLENDER),
     (&["e57"], "point clouds", FROM_POINTS),
     (&["xyz"], "points as text", FROM_TEXT),
     (
@@ -113,10 +122,10 @@ const CONTENTS: &[(&[&str], &str, Conversion)] = &[
     (&["exceptionreport"], "the error of a web service", FROM_PAGE),
     (&["<serviceexception"], "the error of a web service", FROM_PAGE),
     (&["version https://git-lfs"], "a pointer of Git LFS", Advice("git lfs pull fetches the file that it stands for")),
-    (&["<kml"], "KML", TO_GEOJSON),
-    (&["<gpx"], "GPX", TO_GEOJSON),
-    (&["\"geometrytype\"", "\"esrigeometry"], "Esri JSON", TO_GEOJSON),
-    (&["\"type\"", "\"topology\"", "\"arcs\""], "TopoJSON", TO_GEOJSON),
+    (&["<kml"], "KML", TO_GPKG),
+    (&["<gpx"], "GPX", TO_GPKG),
+    (&["\"geometrytype\"", "\"esrigeometry"], "Esri JSON", TO_GPKG),
+    (&["\"type\"", "\"topology\"", "\"arcs\""], "TopoJSON", TO_GPKG),
     (&["\"elements\"", "\"nodes\""], "an answer of the Overpass API as JSON", FROM_OVERPASS),
     (&["\"elements\"", "\"osm3s\""], "an answer of the Overpass API as JSON", FROM_OVERPASS),
 ];
@@ -210,7 +219,7 @@ fn is_xml(kind: SourceKind) -> bool {
 
 /// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
 pub fn plain_gml(path: &str) -> InputError {
-    not_read(path, "GML without elements of CityGML", &TO_GEOJSON)
+    not_read(path, "GML without elements of CityGML", &TO_GPKG)
 }
 
 fn not_read(path: &str, format: &'static str, conversion: &Conversion) -> InputError {
@@ -248,14 +257,22 @@ mod tests {
         let message = |path: &str| refusal(path).to_string();
         assert_eq!(
             message("in/my town.kml"),
-            "in/my town.kml: KML: not read; convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 'in/my town.geojson' 'in/my town.kml'"
+            "in/my town.kml: KML: not read; convert it with: ogr2ogr -f GPKG 'in/my town.gpkg' 'in/my town.kml'"
         );
         assert!(message("x.y/a.ifc").ends_with("IfcConvert x.y/a.ifc x.y/a.obj"));
-        assert!(message("a.skp").ends_with("export it as OBJ, in metres, from the program that made it"));
+        for (name, tool) in [
+            ("a.dwg", "CAD drawings: not read; export its bodies as OBJ or STL, in metres"),
+            ("a.skp", "SketchUp: not read; export it from SketchUp as glTF"),
+            ("a.3dm", "Rhino: not read; export it from Rhino as OBJ"),
+            ("a.rvt", "Revit: not read; export it from Revit as IFC"),
+            ("a.blend", "Blender: not read; export it from Blender as glTF"),
+        ] {
+            assert!(message(name).contains(tool) && message(name).contains("--at"), "{}", message(name));
+        }
         assert!(message("a.e57").contains("roofer"));
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
-        assert!(message("a/town.gdb").ends_with("-t_srs EPSG:4326 a/town.geojson a/town.gdb"));
+        assert!(message("a/town.gdb").ends_with("ogr2ogr -f GPKG a/town.gpkg a/town.gdb"));
         assert!(message("a.dt2").ends_with("rasters: not read; convert it with: gdal_translate a.dt2 a.tif"));
         assert!(message("a.o5m").ends_with("osmium cat a.o5m -o a.osm.pbf"));
         assert!(message("a.jpg").ends_with("gdal_translate -a_srs EPSG:N a.jpg a.tif"));
@@ -311,8 +328,7 @@ mod tests {
         let message = |name: &str| refusal_in_archive("my town.zip", name).to_string();
         assert_eq!(
             message("a/doc.kml"),
-            "my town.zip/a/doc.kml: KML: not read; unpack 'my town.zip', and convert it with: ogr2ogr -f GeoJSON -t_srs \
-             EPSG:4326 a/doc.geojson a/doc.kml"
+            "my town.zip/a/doc.kml: KML: not read; unpack 'my town.zip', and convert it with: ogr2ogr -f GPKG a/doc.gpkg a/doc.kml"
         );
         assert_eq!(
             message("b.zip"),

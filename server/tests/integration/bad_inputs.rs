@@ -126,7 +126,7 @@ fn inputs_that_cannot_be_read_fail_the_bake_in_the_same_way() {
     assert_bad("cut.city.jsonl.gz", Some(&sequence), &["cannot be read"]);
     assert_bad("missing.obj", None, &["cannot be read"]);
     assert_bad("lines.geojson", Some(LINE), &["its only object is left out: line without a width", "repair it"]);
-    assert_bad("my town.kml", Some("<kml/>"), &["KML: not read", "'my town.geojson' 'my town.kml'"]);
+    assert_bad("my town.kml", Some("<kml/>"), &["KML: not read", "'my town.gpkg' 'my town.kml'"]);
     assert_bad("town.gml", Some("<gml/>"), &["CityGML"]);
 }
 

@@ -7,13 +7,13 @@ use std::rc::Rc;
 
 use insula_archive::places::canonical;
 use insula_protocol::route::without_secrets;
+use insula_protocol::text::count;
 
 use super::bad_inputs::BadInputs;
 use super::context::ReadOptions;
 use insula_source::address_reader::AddressReader;
 use insula_source::archive::{ZipFiles, is_archive};
-use insula_source::bucket;
-use insula_source::bucket::{BucketFiles, BucketInput};
+use insula_source::bucket::{self, BucketFiles, BucketInput};
 use insula_source::error::InputError;
 use insula_source::files::{FileRoots, FolderFiles};
 use insula_source::input::SourceFiles;
@@ -325,18 +325,17 @@ impl Lister {
 
     /// Notes the files that no reader takes. Fails if there is no source.
     fn check_selection(&mut self, path: &Path, selection: &SelectedFiles) -> Result<(), InputError> {
+        let refusal = |name: &str| match path.is_file() {
+            true => unread_formats::refusal_in_archive(&path.display().to_string(), name),
+            false => unread_formats::refusal(&path.join(name).display().to_string()),
+        };
         if selection.names.is_empty() {
-            return Err(match selection.unread.first() {
-                Some((_, first, _)) if path.is_file() => {
-                    unread_formats::refusal_in_archive(&path.display().to_string(), first)
-                }
-                Some((_, first, _)) => unread_formats::refusal(&path.join(first).display().to_string()),
-                None => InputError::no_source(path),
-            });
+            let first = selection.unread.first();
+            return Err(first.map_or_else(|| InputError::no_source(path), |(_, first, _)| refusal(first)));
         }
-        let lines = selection.unread.iter().map(|(format, first, count)| {
-            let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-            format!("{}{more}: {format}: not read", path.join(first).display())
+        let lines = selection.unread.iter().map(|(_, first, files)| {
+            let more = if *files > 1 { format!(" (and {})", count(files - 1, "more file")) } else { String::new() };
+            format!("{}{more}", refusal(first))
         });
         self.list.unread.extend(lines);
         Ok(())
@@ -486,9 +485,7 @@ mod tests {
         assert!(error("in/outer.zip").ends_with(
             "outer.zip/inner.zip: an archive inside an archive: not read; unpack the outer archive and give its files"
         ));
-        assert!(
-            error("in/doc.zip").ends_with("convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 doc.geojson doc.kml")
-        );
+        assert!(error("in/doc.zip").ends_with("convert it with: ogr2ogr -f GPKG doc.gpkg doc.kml"));
         assert!(error("in").contains("doc.kml: KML: not read"));
         pack("in/both.zip", &["a.obj", "more.zip"]);
         let listed = found(&[path("in")]).unwrap();
@@ -519,7 +516,11 @@ mod tests {
         assert_eq!(found(&[at_list]).unwrap(), ["/in/deep/b.gml", "/in/a.obj"]);
         assert!(matches!(found(&[path("none*.obj")]), Err(InputError::NoSource { .. })));
         let listed = list(&[path("in")], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
-        assert!(listed.unread.len() == 1 && listed.unread[0].ends_with("c.ifc: IFC: not read"), "{:?}", listed.unread);
+        assert!(
+            listed.unread.len() == 1 && listed.unread[0].contains("c.ifc: IFC: not read; convert it with: IfcConvert "),
+            "{:?}",
+            listed.unread
+        );
     }
 
     #[test]

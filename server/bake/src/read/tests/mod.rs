@@ -309,7 +309,7 @@ fn files_with_the_content_of_other_formats_are_told() {
         ("a.gml", "<html><body>", "a web page: not read"),
         ("a.tif", "version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
         ("a.json", r#"{"elements": [{"type": "way", "nodes": [1]}]}"#, "[out:xml]"),
-        ("a.json", r#"{"type": "Topology", "arcs": []}"#, "ogr2ogr -f GeoJSON"),
+        ("a.json", r#"{"type": "Topology", "arcs": []}"#, "ogr2ogr -f GPKG"),
         ("a.geojson", "{", "the file is damaged or cut short"),
     ] {
         let error = embedded(&[(name, text.as_bytes())]).unwrap_err().to_string();
