@@ -21,6 +21,8 @@ const SLIVER_M: f64 = 0.004;
 /// Pairs of edges that are compared, and those of them that may cross: the rings of a hostile file may cross everywhere.
 const MAX_STEPS: u64 = 50_000_000;
 const MAX_PAIRS: u64 = 1_000_000;
+/// Rings that cross more often are a tangle. Whole coordinates alone make a dense ring cross itself about once at a corner.
+const CROSSINGS_PER_CORNER: u64 = 8;
 
 /// Rings of one polygon: the outer one counter-clockwise, then the holes, clockwise.
 pub type Rings = Vec<Vec<[f64; 2]>>;
@@ -71,24 +73,42 @@ pub fn crosses_itself(ring: &[[f64; 2]]) -> bool {
     if corners.windows(2).any(|pair| pair[0] == pair[1]) {
         return true;
     }
+    crossings(edges_of(&whole).collect(), 0) > 0
+}
+
+/// Whether rings cross far more often than any drawn by mistake: ear clipping would take minutes to find that they have no triangles.
+pub(super) fn is_tangle<'r>(rings: impl Iterator<Item = &'r [[f64; 2]]>) -> bool {
+    let mut edges = Vec::new();
+    for ring in rings {
+        let Some(whole) = to_whole(ring, [0.0; 2]) else { return false };
+        edges.extend(edges_of(&whole));
+    }
+    let many = CROSSINGS_PER_CORNER * edges.len() as u64;
+    crossings(edges, many) > many
+}
+
+/// The edges of a ring, each from its end in the west.
+fn edges_of(whole: &[IntPoint<i32>]) -> impl Iterator<Item = [IntPoint<i32>; 2]> {
     let next = whole.iter().cycle().skip(1);
-    let mut edges: Vec<[IntPoint<i32>; 2]> =
-        whole.iter().zip(next).map(|(a, b)| if (a.x, a.y) <= (b.x, b.y) { [*a, *b] } else { [*b, *a] }).collect();
+    whole.iter().zip(next).map(|(a, b)| if (a.x, a.y) <= (b.x, b.y) { [*a, *b] } else { [*b, *a] })
+}
+
+/// Number of pairs of edges that cross, as far as `max` + 1, and among as many pairs as are compared.
+fn crossings(mut edges: Vec<[IntPoint<i32>; 2]>, max: u64) -> u64 {
     edges.sort_unstable_by_key(|[low, _]| low.x);
-    let mut steps = 0_u64;
+    let (mut steps, mut found) = (0_u64, 0_u64);
     for (number, [low, high]) in edges.iter().enumerate() {
         for [other_low, other_high] in edges[number + 1..].iter().take_while(|[other_low, _]| other_low.x <= high.x) {
             steps += 1;
-            if steps > MAX_STEPS {
-                return false;
+            if steps > MAX_STEPS || found > max {
+                return found;
             }
             let are_apart = |a, b, p, q| side(a, b, p) * side(a, b, q) >= 0;
-            if !are_apart(low, high, other_low, other_high) && !are_apart(other_low, other_high, low, high) {
-                return true;
-            }
+            let cross = !are_apart(low, high, other_low, other_high) && !are_apart(other_low, other_high, low, high);
+            found += u64::from(cross);
         }
     }
-    false
+    found
 }
 
 /// On which side of a line a point is: -1, 0 or 1.
@@ -231,7 +251,13 @@ mod tests {
             (state >> 40) as f64 / (1_u64 << 24) as f64 * 100.0
         };
         let tangle: Vec<[f64; 2]> = (0..20_000).map(|_| [random(), random()]).collect();
+        assert!(is_tangle([&tangle[..]].into_iter()));
         assert_eq!(clean(&[tangle]), None);
+        // A saw crosses nothing, and a bow once.
+        let teeth = (0..20_000).map(|i| [f64::from(i), f64::from(i % 2) * 50.0]);
+        let saw = teeth.chain([[19_999.0, -9.0], [0.0, -9.0]]);
+        assert!(!is_tangle([&saw.collect::<Vec<_>>()[..], &[[0.0, -8.0], [9.0, -1.0], [9.0, -8.0]]].into_iter()));
+        assert!(!is_tangle([&[[0.0, 0.0], [10.0, 10.0], [10.0, 0.0], [0.0, 10.0]][..]].into_iter()));
         assert_eq!(clean(&[vec![[0.0, 0.0], [1e9, 0.0], [0.0, 1e9]]]), None);
         assert_eq!(clean(&[vec![[0.0, 0.0], [f64::NAN, 0.0], [0.0, 1.0]]]), None);
         assert_eq!(clean(&[Vec::<[f64; 2]>::new()]), None);

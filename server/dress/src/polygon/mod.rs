@@ -17,6 +17,9 @@ const MIN_AREA_M2: f64 = 1e-8;
 pub const MAX_CORNERS: usize = 1 << 20;
 /// Polygons with more corners are triangulated under a limit of steps. Below, the worst case takes no time.
 const UNLIMITED_CORNERS: usize = 256;
+/// Polygons with more corners are refused at once if their rings cross everywhere: they would use up all steps, each of which waits for
+/// the memory, which took a minute.
+const UNCHECKED_CORNERS: usize = 4096;
 /// Steps that every polygon may take, a fifth of a second.
 const MIN_STEPS: u64 = 200_000_000;
 /// Further steps per corner: 30,000 holes of four corners in a grid need 46,000 per corner, 10,000 need 19,000.
@@ -186,15 +189,8 @@ impl Triangulator {
 
     /// Area of the outer ring without that of the holes.
     fn rings_m2(&self, hole_starts: &[u32]) -> f64 {
-        let ends = hole_starts.iter().map(|start| *start as usize).chain([self.flat.len()]);
-        let mut start = 0;
-        let mut total_m2 = 0.0;
-        for (number, end) in ends.enumerate() {
-            let ring_m2 = self.flat.get(start..end).map_or(0.0, |ring| area_m2(ring).abs());
-            total_m2 += if number == 0 { ring_m2 } else { -ring_m2 };
-            start = end;
-        }
-        total_m2
+        let rings = rings_of(&self.flat, hole_starts).map(|ring| area_m2(ring).abs()).enumerate();
+        rings.map(|(number, ring_m2)| if number == 0 { ring_m2 } else { -ring_m2 }).sum()
     }
 
     /// Fills `triangles` from `indices`, counter-clockwise. Returns their area.
@@ -220,11 +216,21 @@ impl Triangulator {
             self.earcut.earcut_slice(&self.flat, hole_starts, &mut self.indices);
             return Ok(());
         }
+        if self.flat.len() > UNCHECKED_CORNERS && clean::is_tangle(rings_of(&self.flat, hole_starts)) {
+            return Err(PolygonFault::TooComplex);
+        }
         let counted: Vec<[CountedFloat; 2]> = self.flat.iter().map(|point| point.map(CountedFloat)).collect();
         let steps = (MIN_STEPS + STEPS_PER_CORNER * counted.len() as u64).min(MAX_STEPS) / self.steps_divisor;
         let indices = &mut self.indices;
         with_steps(steps, || Earcut::new().earcut_slice(&counted, hole_starts, indices)).ok_or(PolygonFault::TooComplex)
     }
+}
+
+/// The rings of a polygon: the outer one, then the holes.
+fn rings_of<'f>(flat: &'f [[f64; 2]], hole_starts: &'f [u32]) -> impl Iterator<Item = &'f [[f64; 2]]> {
+    let starts = [0].into_iter().chain(hole_starts.iter().map(|start| *start as usize));
+    let ends = hole_starts.iter().map(|start| *start as usize).chain([flat.len()]);
+    starts.zip(ends).map(|(start, end)| flat.get(start..end).unwrap_or_default())
 }
 
 /// Newell's normal: its length is twice the area, and from its tip the ring turns counter-clockwise.
@@ -314,6 +320,7 @@ mod tests {
         // They use up any number of steps; a part of the limit takes less than a second.
         let impatient = || Triangulator { steps_divisor: 64, ..Triangulator::new() };
         assert_eq!(impatient().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex));
+        assert_eq!(Triangulator::new().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex), "without a step");
         // Holes at random places cross each other.
         let mut points = vec![[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]];
         let mut starts = Vec::new();
