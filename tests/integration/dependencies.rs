@@ -137,7 +137,7 @@ const ALLOWED: [(&str, &[&str]); 25] = [
     ("insula-place", &["insula-source", "insula-archive"]),
     ("insula-dress", &["insula-source"]),
     ("insula-scratch", &["insula-protocol"]),
-    ("insula-simplify", &["insula-protocol"]),
+    ("insula-simplify", &["insula-protocol", "insula-dress"]),
     ("insula-read-city", &["insula-source", "insula-place", "insula-dress"]),
     ("insula-read-ground", &["insula-source", "insula-place", "insula-dress", "insula-protocol", "insula-roam"]),
     ("insula-read-map", &["insula-source", "insula-place", "insula-dress"]),

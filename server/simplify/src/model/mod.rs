@@ -1,5 +1,6 @@
 //! Models of single files (PLY, OFF, OBJ, STL), for the tools that compress and simplify meshes.
 
+mod face;
 mod obj;
 pub mod off;
 mod ply;
@@ -14,7 +15,7 @@ mod triangle_model;
 pub use triangle_model::{CornerLayer, MAX_COUNT, ModelError, ModelFormat, NO_VALUE, TriangleModel};
 
 impl TriangleModel {
-    /// Parses a file. Polygons become fans of triangles. Fails if it is not of the format, has a value that is not
+    /// Parses a file. Polygons become triangles. Fails if it is not of the format, has a value that is not
     /// finite, or exceeds [`MAX_COUNT`].
     pub fn read(bytes: &[u8], format: ModelFormat) -> Result<Self, ModelError> {
         let model = match format {

@@ -1,7 +1,8 @@
 //! OBJ: vertices, normals, texture coordinates and faces. Materials are ignored; `read::obj` reads cities with
 //! materials.
 
-use super::triangle_model::{CornerLayer, ModelError, NO_VALUE, TriangleModel, check_count, push_fan};
+use super::face::FaceTriangles;
+use super::triangle_model::{CornerLayer, ModelError, NO_VALUE, TriangleModel, check_count};
 use insula_protocol::mesh::AttributeKind;
 use std::fmt::Write;
 
@@ -13,7 +14,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     // Indices of texture coordinates and normals are read before it is known whether these exist.
     let (mut texcoords, mut normals) = (Vec::new(), Vec::new());
     let mut corners: [Vec<Option<u32>>; 2] = Default::default();
-    let mut polygon: Vec<[Option<u32>; 3]> = Vec::new();
+    let (mut polygon, mut faces) = (Vec::<[Option<u32>; 3]>::new(), FaceTriangles::default());
     for (at, line) in text.lines().enumerate() {
         let error = |what| ModelError::Line { what, line: at + 1, format: FORMAT };
         let mut words = line.split_whitespace();
@@ -37,14 +38,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
                 for word in words {
                     polygon.push(corner(word, counts).ok_or(error("an invalid corner"))?);
                 }
-                let order: Vec<u32> = (0..polygon.len() as u32).collect();
-                push_fan(&order, |triangle| {
+                let vertices = polygon.iter().map(|corner| corner[0].unwrap_or_default());
+                for triangle in faces.of(&model.positions, vertices) {
                     let triangle = triangle.map(|i| polygon[i as usize]);
                     model.triangles.push(triangle.map(|corner| corner[0].unwrap_or_default()));
                     for (k, corners) in corners.iter_mut().enumerate() {
                         corners.extend(triangle.map(|corner| corner[k + 1]));
                     }
-                });
+                }
                 check_count(model.triangles.len())?;
             }
             _ => {}

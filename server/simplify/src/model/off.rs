@@ -1,13 +1,17 @@
 //! OFF: a header, counts, vertices and faces as text. Colours, normals and texture coordinates are passed over.
 
-use super::triangle_model::{ModelError, TriangleModel, check_count, push_fan};
+use super::face::FaceTriangles;
+use super::triangle_model::{ModelError, TriangleModel, check_count};
 use std::fmt::Write;
 
 const FORMAT: &str = "OFF";
 
 pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
-    let mut triangles = Vec::new();
-    let positions = each_face(bytes, |_, corners| push_fan(corners, |triangle| triangles.push(triangle)))?;
+    let (mut triangles, mut faces) = (Vec::new(), FaceTriangles::default());
+    let positions = each_face(bytes, |positions, corners| {
+        let own = faces.of(positions, corners.iter().copied());
+        triangles.extend(own.iter().map(|triangle| triangle.map(|i| corners[i as usize])));
+    })?;
     Ok(TriangleModel { positions, triangles, ..TriangleModel::default() })
 }
 

@@ -3,9 +3,10 @@
 //! Of vertices, x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha)
 //! are read; of faces the list of corners. Everything else is skipped.
 
+use super::face::FaceTriangles;
 use super::ply_header::{PlyElement, PlyHeader, PlyNumber, PlyProperty};
 use super::ply_values::{PlyRow, PlyValues};
-use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
+use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count};
 use insula_protocol::mesh::AttributeKind;
 use std::collections::HashMap;
 
@@ -97,12 +98,13 @@ fn read_faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyV
         property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
     };
     let corners = element.properties.iter().position(is_corners).filter(|_| element.name == "face");
-    let mut polygon: Vec<u32> = Vec::new();
+    let (mut polygon, mut faces) = (Vec::<u32>::new(), FaceTriangles::default());
     each_row(element, values, |row| {
         let Some(corners) = corners else { return Ok(()) };
         polygon.clear();
         polygon.extend(row.list(corners).iter().map(|corner| *corner as u32));
-        push_fan(&polygon, |triangle| model.triangles.push(triangle));
+        let own = faces.of(&model.positions, polygon.iter().copied());
+        model.triangles.extend(own.iter().map(|triangle| triangle.map(|i| polygon[i as usize])));
         check_count(model.triangles.len())
     })
 }

@@ -23,6 +23,27 @@ fn every_format_round_trips() {
 }
 
 #[test]
+fn concave_faces_are_covered_and_no_more() {
+    // An L of 45 m2, of which a fan from the first corner would cover more.
+    let corners = ["9 3 0", "3 3 0", "3 9 0", "0 9 0", "0 0 0", "9 0 0"].join("\n");
+    let obj = format!("v {}\nf 1 2 3 4 5 6\n", corners.replace('\n', "\nv "));
+    let off = format!("OFF\n6 1 0\n{corners}\n6 0 1 2 3 4 5\n");
+    let header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header";
+    let ply = format!("{header}\n{corners}\n6 0 1 2 3 4 5\n");
+    for (format, text) in [(ModelFormat::Obj, obj), (ModelFormat::Off, off), (ModelFormat::Ply, ply)] {
+        let model = TriangleModel::read(text.as_bytes(), format).unwrap();
+        let twice_area = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|vertex| model.positions[vertex as usize]);
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        let areas: Vec<f64> = model.triangles.iter().map(twice_area).collect();
+        assert!(areas.len() == 4 && areas.iter().all(|area| *area > 0.0), "{format:?}: {areas:?}");
+        assert!((areas.iter().sum::<f64>() - 90.0).abs() < 1e-9, "{format:?}: {areas:?}");
+    }
+}
+
+#[test]
 fn layers_round_trip_in_obj_and_ply() {
     let mut model = model();
     let corners: Vec<u32> = model.triangles.as_flattened().to_vec();

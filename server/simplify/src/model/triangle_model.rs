@@ -128,13 +128,6 @@ impl TriangleModel {
     }
 }
 
-/// Splits a polygon into a fan of triangles.
-pub(super) fn push_fan(polygon: &[u32], mut push: impl FnMut([u32; 3])) {
-    for pair in polygon.windows(2).skip(1) {
-        push([polygon[0], pair[0], pair[1]]);
-    }
-}
-
 /// Fails if a count exceeds [`MAX_COUNT`].
 pub(super) fn check_count(count: usize) -> Result<(), ModelError> {
     if count > MAX_COUNT { Err(ModelError::Whole("more than 16 million vertices or triangles")) } else { Ok(()) }
