@@ -94,6 +94,28 @@ fn bands_beside_each_other_and_apart() {
 }
 
 #[test]
+fn alpha_that_no_file_declares_is_known_by_its_numbers() {
+    let read = |numbers: [f32; 8]| {
+        let bytes = TestImage::new([2, 2], 2, [32, 3], bytes_of(&numbers)).file();
+        (heights(&bytes, 0), open(&bytes).unwrap().warning())
+    };
+    let (with_alpha, warning) = read([10.0, 255.0, 0.0, 0.0, 12.0, 255.0, 0.0, 0.0]);
+    assert_heights(&with_alpha, &[10.0, f32::NAN, 12.0, f32::NAN]);
+    assert!(warning.is_some_and(|text| text.contains("mark missing heights")));
+    // Something else: other numbers, heights that differ where it is 0, nothing that is full.
+    for numbers in [
+        [10.0, 255.0, 0.0, 0.0, 12.0, 128.0, 0.0, 0.0],
+        [10.0, 255.0, 3.0, 0.0, 12.0, 255.0, 0.0, 0.0],
+        [10.0, 1.0, 0.0, 0.0, 12.0, 1.0, 0.0, 0.0],
+        [10.0, 0.0, 10.0, 0.0, 10.0, 0.0, 10.0, 0.0],
+    ] {
+        let (all, warning) = read(numbers);
+        assert_heights(&all, &[numbers[0], numbers[2], numbers[4], numbers[6]]);
+        assert_eq!(warning, None, "{numbers:?}");
+    }
+}
+
+#[test]
 fn differences_between_neighbours() {
     let row = TestImage::new([3, 1], 1, [16, 2], vec![10, 0, 1, 0, 0xfe, 0xff]).shorts(317, &[2]);
     assert_heights(&heights(&row.file(), 0), &[10.0, 11.0, 9.0]);

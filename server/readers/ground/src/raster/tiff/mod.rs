@@ -28,8 +28,10 @@ const MASK: u64 = 4;
 const MAX_SAMPLE_VALUE: u16 = 281;
 /// The brightest colours of 8, 10, 11, 12 and 14 bits, of which pictures have 16.
 const BRIGHTEST: [f64; 5] = [255.0, 1023.0, 2047.0, 4095.0, 16_383.0];
-/// Pixels along the side of a window in which the brightest is sought.
+/// Pixels along the side of a window of which the brightest is sought, and what a band means that the file does not explain.
 const SAMPLED_PIXELS: u32 = 64;
+/// The number of full alpha in bands of more than 8 bits, by the programs that do not say that it is alpha.
+const FULL_ALPHA: [f64; 2] = [255.0, 65_535.0];
 /// Files with more directories are refused.
 const MAX_DIRECTORIES: usize = 1024;
 
@@ -57,6 +59,8 @@ pub(super) struct TiffRaster {
     is_brightest_guessed: bool,
     /// The bands with red, green and blue, if they have names.
     colours: Option<[u16; 3]>,
+    /// The band that is alpha by its numbers alone.
+    guessed_alpha: Option<u16>,
 }
 
 impl TiffRaster {
@@ -96,7 +100,11 @@ impl TiffRaster {
             brightest: None,
             is_brightest_guessed: false,
             colours: gdal.colours,
+            guessed_alpha: None,
         };
+        if facts.bands == 2 && facts.sample != SampleKind::U8 && raster.has_unnamed_alpha() == Some(true) {
+            raster.guessed_alpha = Some(1);
+        }
         if facts.bands > 2 && facts.sample == SampleKind::U16 && raster.has_all_bits() {
             raster.brightest = most.filter(|most| *most < f64::from(u16::MAX));
             if raster.brightest.is_none() {
@@ -122,12 +130,8 @@ impl TiffRaster {
     /// The largest number of some pixels of the smallest copy. `None` if they cannot be read.
     fn sampled_maximum(&mut self) -> Option<f64> {
         let image = self.levels.last()?;
-        let RasterSize { width, height } = image.layout.size;
-        let side = |length: u32| length.min(SAMPLED_PIXELS);
         let mut maximum = 0.0_f64;
-        for place in 0..9 {
-            let (x, y) = ((width - side(width)) / 2 * (place % 3), (height - side(height)) / 2 * (place / 3));
-            let window = Window { x, y, width: side(width), height: side(height) };
+        for window in sampled_windows(image.layout.size) {
             let nodata = self.nodata;
             let each = |_: usize, _: usize, number: f64| {
                 if Some(number) != nodata {
@@ -137,6 +141,27 @@ impl TiffRaster {
             self.chunks.visit(image, (&[0, 1, 2], window), 0.0, each).ok()?;
         }
         Some(maximum)
+    }
+
+    /// Whether the second band, of which the file does not say what it is, is alpha by some pixels of the smallest copy: it is full or 0,
+    /// and where it is 0, all heights are the same. `None` if they cannot be read.
+    fn has_unnamed_alpha(&mut self) -> Option<bool> {
+        let image = self.levels.last().filter(|image| alpha_band(&image.layout).is_none())?;
+        let (mut full, mut missing, mut is_alpha) = (None, None, true);
+        for window in sampled_windows(image.layout.size) {
+            let mut heights = vec![0.0; window.width as usize * window.height as usize];
+            let each = |slot: usize, pixel: usize, number: f64| {
+                if slot == 0 {
+                    heights[pixel] = number;
+                } else if number == 0.0 {
+                    is_alpha &= same_bits(*missing.get_or_insert(heights[pixel]), heights[pixel]);
+                } else {
+                    is_alpha &= FULL_ALPHA.contains(&number) && *full.get_or_insert(number) == number;
+                }
+            };
+            self.chunks.visit(image, (&[0, 1], window), 0.0, each).ok()?;
+        }
+        Some(is_alpha && full.is_some())
     }
 
     /// Makes numbers heights by another factor and summand.
@@ -157,6 +182,12 @@ impl TiffRaster {
 
     /// What is guessed about the heights, or the colours.
     pub(super) fn warning(&self) -> Option<String> {
+        let missing = "the second band, which is full or 0, is taken to mark missing heights";
+        let guesses = [self.guessed_alpha.map(|_| missing.to_owned()), self.guess_of_numbers()];
+        guesses.into_iter().flatten().reduce(|first, second| format!("{first}; {second}"))
+    }
+
+    fn guess_of_numbers(&self) -> Option<String> {
         if let Some(brightest) = self.brightest.filter(|_| self.is_brightest_guessed) {
             return Some(format!(
                 "colours of 16 bits are taken to be at most {brightest}, as no sampled one is larger"
@@ -171,7 +202,7 @@ impl TiffRaster {
     pub(super) fn read_heights(&mut self, window: Window, level: usize, len: usize) -> Result<Vec<f32>, RasterError> {
         let image = level_of(&self.levels, level)?;
         let mut heights = vec![f32::NAN; len];
-        let bands: Vec<u16> = [0].into_iter().chain(alpha_band(&image.layout)).collect();
+        let bands: Vec<u16> = [0].into_iter().chain(alpha_band(&image.layout).or(self.guessed_alpha)).collect();
         let (rule, nodata, sample) = (self.heights, self.nodata, image.layout.sample);
         let marks = [nodata, self.nodata_by_hand];
         self.chunks.visit(image, (&bands, window), nodata.unwrap_or(0.0), |slot, pixel, number| {
@@ -251,6 +282,24 @@ fn other_images(
         }
     }
     Ok((levels, masks))
+}
+
+/// Windows of some pixels at the corners, the middles of the sides and the middle of an image.
+fn sampled_windows(RasterSize { width, height }: RasterSize) -> impl Iterator<Item = Window> {
+    let side = |length: u32| length.min(SAMPLED_PIXELS);
+    let [width_px, height_px] = [side(width), side(height)];
+    let [right, down] = [(width - width_px) / 2, (height - height_px) / 2];
+    (0..9).map(move |place| Window {
+        x: right * (place % 3),
+        y: down * (place / 3),
+        width: width_px,
+        height: height_px,
+    })
+}
+
+/// Whether numbers are equal, or both none.
+fn same_bits(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
 }
 
 fn level_of(levels: &[TiffImage], level: usize) -> Result<&TiffImage, RasterError> {
