@@ -25,7 +25,7 @@ use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
     error::DrawStep,
-    file::{DrawingFormat, write_drawing},
+    file::{DrawingFormat, PdfLetters, pdf_letters, write_drawing},
     sheet::Paper,
     style::Stylesheet,
     view::DrawView,
@@ -160,14 +160,14 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
         let nodes = count(counts.without_mesh, "node");
         eprintln!("note: {nodes} of the city without a mesh: drawn from columns");
     }
-    let texts = [&drawing.title, &drawing.attribution];
-    let lost: String =
-        texts.into_iter().flat_map(|text| text.chars()).filter(|c| u32::from(*c) > 0xff).take(8).collect();
-    if DrawingFormat::of(&args.out).is_ok_and(|format| format == DrawingFormat::Pdf) && !lost.is_empty() {
-        eprintln!(
-            "warning: the letters of a .pdf are Latin: it has ? in place of {}; a .svg has all",
-            printable(&lost)
-        );
+    if DrawingFormat::of(&args.out).is_ok_and(|format| format == DrawingFormat::Pdf) {
+        let PdfLetters { lost, of_reader } = pdf_letters(drawing);
+        if !lost.is_empty() {
+            eprintln!("warning: the .pdf has ? in place of {}; a .svg has all letters", printable(&lost));
+        }
+        if !of_reader.is_empty() {
+            eprintln!("note: readers of the .pdf need a font with {}", printable(&of_reader));
+        }
     }
     if args.bare && !drawing.attribution.is_empty() {
         eprintln!("note: name the source beside the drawing: {}", printable(&drawing.attribution));

@@ -5,6 +5,8 @@ use insula_archive::new_file::replace;
 use serde::Deserialize;
 use std::path::Path;
 
+pub use crate::pdf::{PdfLetters, pdf_letters};
+
 /// A format of drawings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -1,6 +1,8 @@
 //! Drawings as PDF of one page, with a layer for each kind of content and the number of each object as marked content.
-//!
-//! Texts are in Helvetica, which every reader has; characters that it lacks are question marks.
+
+mod text;
+
+pub use text::PdfLetters;
 
 use crate::{
     drawing::{Drawing, DrawnObject, DrawnShape, MapPicture, ShapeRole, SheetItem, TextAnchor},
@@ -13,6 +15,7 @@ use pdf_writer::{
     types::{LineCapStyle, LineJoinStyle},
 };
 use std::io::Write;
+use text::TextFonts;
 
 const PT_PER_MM: f64 = 72.0 / 25.4;
 /// Layers in the order in which they are drawn.
@@ -48,9 +51,23 @@ const PICTURE_OPACITY: Ref = Ref::new(8);
 const FIRST_LAYER: i32 = 10;
 const FIRST_STATE: i32 = 100;
 
+/// Letters that the drawing as a PDF file does not have.
+#[must_use]
+pub fn pdf_letters(drawing: &Drawing) -> PdfLetters {
+    text::letters_of(texts_of(drawing))
+}
+
+fn texts_of(drawing: &Drawing) -> impl Iterator<Item = &str> + Clone {
+    drawing
+        .sheet
+        .iter()
+        .filter_map(|item| if let SheetItem::Text { text, .. } = item { Some(text.as_str()) } else { None })
+}
+
 /// The drawing as a PDF file.
 pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     let mut pdf = Pdf::new();
+    let fonts = TextFonts::of(texts_of(drawing));
     let picture = drawing.picture.as_ref();
     let names = || LAYERS.into_iter().chain(picture.map(|_| PICTURE_LAYER));
     let layers = || (0..names().count()).map(|k| Ref::new(FIRST_LAYER + k as i32));
@@ -70,7 +87,7 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     let [width, height] = drawing.grid.size_mm.map(pt);
     page.media_box(Rect::new(0.0, 0.0, width, height)).parent(PAGES).contents(CONTENT);
     let mut resources = page.resources();
-    resources.fonts().pair(Name(b"F"), FONT);
+    resources.fonts().pair(Name(b"F"), FONT).pairs(fonts.others());
     let mut states = resources.ext_g_states();
     for step in 0..=OPACITY_STEPS {
         states.pair(Name(state_name(step).as_bytes()), Ref::new(FIRST_STATE + i32::from(step)));
@@ -91,8 +108,9 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
         pdf.ext_graphics(Ref::new(FIRST_STATE + i32::from(step))).non_stroking_alpha(share);
     }
     pdf.type1_font(FONT).base_font(Name(b"Helvetica")).encoding_predefined(Name(b"WinAnsiEncoding"));
+    fonts.add_to(&mut pdf);
     pdf.document_info(INFO).title(TextStr(&drawing.title)).producer(TextStr("Insula"));
-    let content = PageContent { drawing, content: Content::new() }.finish();
+    let content = PageContent { drawing, fonts, content: Content::new() }.finish();
     match packed(&content) {
         Some(packed) => {
             pdf.stream(CONTENT, &packed).filter(Filter::FlateDecode);
@@ -143,28 +161,9 @@ fn state_name(step: u8) -> String {
     format!("A{step}")
 }
 
-/// Text in the encoding of the font.
-fn latin(text: &str) -> Vec<u8> {
-    text.chars()
-        .map(|c| {
-            u8::try_from(u32::from(c)).ok().filter(|byte| (0x20..0x7f).contains(byte) || *byte >= 0xa0).unwrap_or(b'?')
-        })
-        .collect()
-}
-
-/// Width of a text in Helvetica of size 1, exact for digits and spaces.
-fn text_width(text: &str) -> f64 {
-    let width = |c: char| match c {
-        ' ' | '.' | ',' | ':' => 0.278,
-        'm' => 0.833,
-        'N' => 0.722,
-        _ => 0.556,
-    };
-    text.chars().map(width).sum()
-}
-
 struct PageContent<'a> {
     drawing: &'a Drawing,
+    fonts: TextFonts,
     content: Content,
 }
 
@@ -307,9 +306,8 @@ impl PageContent<'_> {
                         TextAnchor::Middle => 0.5,
                         TextAnchor::End => 1.0,
                     };
-                    let x = x - part * size_mm * text_width(text);
-                    self.content.begin_text().set_font(Name(b"F"), pt(*size_mm)).next_line(pt(x), pt(*y));
-                    self.content.show(Str(&latin(text))).end_text();
+                    let x = x - part * size_mm * self.fonts.width(text);
+                    self.fonts.show(&mut self.content, [x, *y], *size_mm, text);
                 }
             }
         }
@@ -319,15 +317,4 @@ impl PageContent<'_> {
 
 fn share(v: u8) -> f32 {
     f32::from(v) / 255.0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texts_are_in_the_encoding_of_the_font() {
-        assert_eq!(latin("30\u{b0} \u{6771}\n"), b"30\xb0 ??");
-        assert!((text_width("100 m") - 2.779).abs() < 1e-9);
-    }
 }

@@ -1,0 +1,341 @@
+//! Texts of a PDF.
+//!
+//! Western letters are in Helvetica, which every reader has. A text with other letters of Europe is drawn as outlines of a font that is part
+//! of the program. Letters of East Asia are in a font that the reader has to have, as all letters of an SVG are.
+
+use super::pt;
+use epaint_default_fonts::UBUNTU_LIGHT;
+use pdf_writer::{
+    Content, Name, Pdf, Rect, Ref, Str, TextStr,
+    types::{CidFontType, FontFlags, SystemInfo},
+};
+use skrifa::{
+    FontRef, GlyphId, MetadataProvider,
+    instance::{LocationRef, Size},
+    outline::OutlinePen,
+};
+
+/// Names of objects in the file.
+const ASIAN_FONT: Ref = Ref::new(30);
+const ASIAN_GLYPHS: Ref = Ref::new(31);
+const ASIAN_METRICS: Ref = Ref::new(32);
+/// Names of the fonts on the page.
+const WESTERN: &[u8] = b"F";
+const ASIAN: &[u8] = b"J";
+
+/// The letters of the bytes from 0x80 on in the encoding of the western font; NUL where there is none.
+const FROM_0X80: [char; 32] = [
+    '\u{20ac}', '\0', '\u{201a}', '\u{192}', '\u{201e}', '\u{2026}', '\u{2020}', '\u{2021}', '\u{2c6}', '\u{2030}',
+    '\u{160}', '\u{2039}', '\u{152}', '\0', '\u{17d}', '\0', '\0', '\u{2018}', '\u{2019}', '\u{201c}', '\u{201d}',
+    '\u{2022}', '\u{2013}', '\u{2014}', '\u{2dc}', '\u{2122}', '\u{161}', '\u{203a}', '\u{153}', '\0', '\u{17e}',
+    '\u{178}',
+];
+
+/// A font of East Asia by the name that readers know, and the encoding of its letters.
+#[derive(Debug, PartialEq, Eq)]
+struct AsianFont {
+    name: &'static str,
+    encoding: &'static str,
+    collection: &'static str,
+    supplement: i32,
+}
+
+const JAPANESE: AsianFont =
+    AsianFont { name: "HeiseiKakuGo-W5", encoding: "UniJIS-UTF16-H", collection: "Japan1", supplement: 5 };
+const KOREAN: AsianFont =
+    AsianFont { name: "HYGoThic-Medium", encoding: "UniKS-UTF16-H", collection: "Korea1", supplement: 2 };
+/// It has all of Unicode's first 20,902 ideographs.
+const CHINESE: AsianFont =
+    AsianFont { name: "STSong-Light", encoding: "UniGB-UTF16-H", collection: "GB1", supplement: 5 };
+
+/// Letters that a PDF does not have as they are.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PdfLetters {
+    /// Question marks are in their place.
+    pub lost: String,
+    /// The reader needs a font for them.
+    pub of_reader: String,
+}
+
+/// The fonts of the texts of a drawing.
+pub(super) struct TextFonts {
+    own: Option<FontRef<'static>>,
+    asian: Option<&'static AsianFont>,
+}
+
+impl TextFonts {
+    /// Those that these texts need.
+    pub(super) fn of<'t>(texts: impl Iterator<Item = &'t str>) -> Self {
+        Self { own: FontRef::new(UBUNTU_LIGHT).ok(), asian: asian_font(texts) }
+    }
+
+    /// Name and place of each font that is an object of the file, besides the western one.
+    pub(super) fn others(&self) -> Option<(Name<'static>, Ref)> {
+        self.asian.map(|_| (Name(ASIAN), ASIAN_FONT))
+    }
+
+    /// Adds the objects of [`Self::others`].
+    pub(super) fn add_to(&self, pdf: &mut Pdf) {
+        let Some(font) = self.asian else { return };
+        let (name, encoding) = (Name(font.name.as_bytes()), Name(font.encoding.as_bytes()));
+        let whole = format!("{}-{}", font.name, font.encoding);
+        pdf.type0_font(ASIAN_FONT)
+            .base_font(Name(whole.as_bytes()))
+            .encoding_predefined(encoding)
+            .descendant_font(ASIAN_GLYPHS);
+        let ordering = Str(font.collection.as_bytes());
+        pdf.cid_font(ASIAN_GLYPHS)
+            .subtype(CidFontType::Type0)
+            .base_font(name)
+            .system_info(SystemInfo { registry: Str(b"Adobe"), ordering, supplement: font.supplement })
+            .font_descriptor(ASIAN_METRICS)
+            .default_width(1000.0);
+        pdf.font_descriptor(ASIAN_METRICS)
+            .name(name)
+            .flags(FontFlags::SYMBOLIC)
+            .bbox(Rect::new(0.0, -120.0, 1000.0, 880.0))
+            .italic_angle(0.0)
+            .ascent(880.0)
+            .descent(-120.0)
+            .cap_height(740.0)
+            .stem_v(90.0);
+    }
+
+    /// Width of a text of size 1; in Helvetica exact for digits and spaces.
+    pub(super) fn width(&self, text: &str) -> f64 {
+        if self.is_outlined(text) { text.chars().map(|c| self.advance(c)).sum() } else { text.chars().map(width).sum() }
+    }
+
+    /// Writes a text that begins at a place in millimetres.
+    pub(super) fn show(&self, content: &mut Content, at_mm: [f64; 2], size_mm: f64, text: &str) {
+        if self.is_outlined(text) {
+            self.draw(content, at_mm, size_mm, text);
+            return;
+        }
+        let [x, y] = at_mm.map(pt);
+        content.begin_text().set_font(Name(WESTERN), pt(size_mm)).next_line(x, y);
+        let mut is_western = true;
+        for (is_asian, bytes) in runs(text) {
+            if is_western == is_asian {
+                is_western = !is_asian;
+                content.set_font(Name(if is_asian { ASIAN } else { WESTERN }), pt(size_mm));
+            }
+            content.show(Str(&bytes));
+        }
+        content.end_text();
+    }
+
+    /// Draws the outlines of a text, which readers find by its letters all the same.
+    fn draw(&self, content: &mut Content, [x, y]: [f64; 2], size_mm: f64, text: &str) {
+        let Some(own) = &self.own else { return };
+        let mut marked = content.begin_marked_content_with_properties(Name(b"Span"));
+        marked.properties().actual_text(TextStr(text));
+        drop(marked);
+        let (mut pen, scale, outlines) = (x, size_mm / units_per_em(own), own.outline_glyphs());
+        for c in text.chars() {
+            if let Some(outline) = self.glyph(c).and_then(|glyph| outlines.get(glyph)) {
+                let mut path = GlyphPath { content: &mut *content, at_mm: [pen, y], scale, last: [0.0; 2] };
+                // The font is part of the program: none of its outlines is damaged.
+                let _ = outline.draw(Size::unscaled(), &mut path);
+            }
+            pen += size_mm * self.advance(c);
+        }
+        content.fill_nonzero().end_marked_content();
+    }
+
+    /// Whether a text has letters that no font of the reader has for certain, and the font of the program has all of it.
+    fn is_outlined(&self, text: &str) -> bool {
+        text.chars().any(|c| western(c).is_none() && !is_asian(c)) && text.chars().all(|c| self.glyph(c).is_some())
+    }
+
+    fn glyph(&self, c: char) -> Option<GlyphId> {
+        self.own.as_ref()?.charmap().map(c).filter(|glyph| glyph.to_u32() > 0)
+    }
+
+    /// Width of a letter of the program's font of size 1.
+    fn advance(&self, c: char) -> f64 {
+        let units = |own: &FontRef<'static>| {
+            let metrics = own.glyph_metrics(Size::unscaled(), LocationRef::default());
+            Some(f64::from(metrics.advance_width(self.glyph(c)?)?) / units_per_em(own))
+        };
+        self.own.as_ref().and_then(units).unwrap_or_default()
+    }
+
+    /// Letters of a text that the file does not have.
+    fn letters(&self, text: &str) -> PdfLetters {
+        if self.is_outlined(text) {
+            return PdfLetters::default();
+        }
+        let others = text.chars().filter(|c| western(*c).is_none());
+        let (of_reader, lost) = others.partition(|c| is_asian(*c));
+        PdfLetters { lost, of_reader }
+    }
+}
+
+/// The first letters of texts that a PDF with them does not have.
+pub(super) fn letters_of<'t>(texts: impl Iterator<Item = &'t str> + Clone) -> PdfLetters {
+    const MAX_LETTERS: usize = 8;
+    let fonts = TextFonts::of(texts.clone());
+    let mut all = PdfLetters::default();
+    for text in texts {
+        let PdfLetters { lost, of_reader } = fonts.letters(text);
+        all.lost.push_str(&lost);
+        all.of_reader.push_str(&of_reader);
+    }
+    let first = |letters: &str| letters.chars().take(MAX_LETTERS).collect();
+    PdfLetters { lost: first(&all.lost), of_reader: first(&all.of_reader) }
+}
+
+/// The font for the letters of East Asia in some texts; `None` if they have none.
+fn asian_font<'t>(texts: impl Iterator<Item = &'t str>) -> Option<&'static AsianFont> {
+    let mut found = None;
+    for c in texts.flat_map(str::chars).filter(|c| is_asian(*c)) {
+        match c {
+            '\u{3040}'..='\u{30ff}' => return Some(&JAPANESE),
+            '\u{1100}'..='\u{11ff}' | '\u{3130}'..='\u{318f}' | '\u{ac00}'..='\u{d7af}' => found = Some(&KOREAN),
+            _ => found = found.or(Some(&CHINESE)),
+        }
+    }
+    found
+}
+
+/// Kana, hangul, ideographs and their full stops and brackets, all as wide as they are high.
+fn is_asian(c: char) -> bool {
+    matches!(
+        u32::from(c),
+        0x1100..=0x11ff | 0x3000..=0x318f | 0x31f0..=0x31ff | 0x3400..=0x4dbf | 0x4e00..=0x9fff | 0xac00..=0xd7af
+            | 0xf900..=0xfaff | 0xff01..=0xff60 | 0x2_0000..=0x3_ffff
+    )
+}
+
+/// A letter in the encoding of the western font; `None` if it has none.
+fn western(c: char) -> Option<u8> {
+    let byte = u8::try_from(u32::from(c)).ok().filter(|byte| (0x20..0x7f).contains(byte) || *byte >= 0xa0);
+    byte.or_else(|| FROM_0X80.iter().position(|known| *known == c && c != '\0').map(|place| 0x80 + place as u8))
+}
+
+/// A text as runs in one font, by whether it is the Asian one, in the encodings of the fonts.
+fn runs(text: &str) -> Vec<(bool, Vec<u8>)> {
+    let mut runs: Vec<(bool, Vec<u8>)> = Vec::new();
+    for c in text.chars() {
+        let bytes: Vec<u8> = match is_asian(c) {
+            true => c.encode_utf16(&mut [0; 2]).iter().flat_map(|unit| unit.to_be_bytes()).collect(),
+            false => vec![western(c).unwrap_or(b'?')],
+        };
+        match runs.last_mut() {
+            Some((of_last, run)) if *of_last == is_asian(c) => run.extend(bytes),
+            _ => runs.push((is_asian(c), bytes)),
+        }
+    }
+    runs
+}
+
+/// Units of the sizes of a font.
+fn units_per_em(font: &FontRef<'_>) -> f64 {
+    f64::from(font.metrics(Size::unscaled(), LocationRef::default()).units_per_em).max(1.0)
+}
+
+/// Width of a letter of size 1.
+fn width(c: char) -> f64 {
+    match c {
+        ' ' | '.' | ',' | ':' => 0.278,
+        'm' => 0.833,
+        'N' => 0.722,
+        c if is_asian(c) => 1.0,
+        _ => 0.556,
+    }
+}
+
+/// Appends the outline of a glyph to the page's path.
+struct GlyphPath<'c> {
+    content: &'c mut Content,
+    at_mm: [f64; 2],
+    /// Millimetres of a unit of the font.
+    scale: f64,
+    /// End of the path in units of the font.
+    last: [f32; 2],
+}
+
+impl GlyphPath<'_> {
+    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+        let [left, bottom] = self.at_mm;
+        [left + f64::from(x) * self.scale, bottom + f64::from(y) * self.scale].map(pt)
+    }
+}
+
+impl OutlinePen for GlyphPath<'_> {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.last = [x, y];
+        let [x, y] = self.place(x, y);
+        self.content.move_to(x, y);
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.last = [x, y];
+        let [x, y] = self.place(x, y);
+        self.content.line_to(x, y);
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        let [x0, y0] = self.last;
+        let towards = |from: f32, to: f32| from + (to - from) * 2.0 / 3.0;
+        self.curve_to(towards(x0, x1), towards(y0, y1), towards(x, x1), towards(y, y1), x, y);
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        self.last = [x, y];
+        let [first, second, end] = [self.place(x1, y1), self.place(x2, y2), self.place(x, y)];
+        self.content.cubic_to(first[0], first[1], second[0], second[1], end[0], end[1]);
+    }
+
+    fn close(&mut self) {
+        self.content.close_path();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(text: &str) -> String {
+        let mut content = Content::new();
+        TextFonts::of([text].into_iter()).show(&mut content, [10.0, 20.0], 3.0, text);
+        String::from_utf8_lossy(&content.finish()).into_owned()
+    }
+
+    #[test]
+    fn western_texts_are_in_the_encoding_of_their_font() {
+        assert_eq!(runs("30\u{b0}\n"), [(false, b"30\xb0?".to_vec())]);
+        assert_eq!(runs("\u{20ac} \u{2013} \u{178}"), [(false, b"\x80 \x96 \x9f".to_vec())]);
+        assert!((TextFonts::of([].into_iter()).width("100 m") - 2.779).abs() < 1e-9);
+        assert!(shown("100 m").contains("/F ") && !shown("100 m").contains("Span"));
+    }
+
+    #[test]
+    fn other_texts_of_europe_are_outlines() {
+        for text in [
+            "\u{141}\u{f3}d\u{17a}",
+            "\u{391}\u{3b8}\u{3ae}\u{3bd}\u{3b1}",
+            "\u{41c}\u{43e}\u{441}\u{43a}\u{432}\u{430}",
+        ] {
+            let page = shown(text);
+            assert!(page.contains("/ActualText") && page.contains(" c\n") && !page.contains("Tj"), "{page}");
+            assert_eq!(letters_of([text].into_iter()), PdfLetters::default());
+            let width = TextFonts::of([text].into_iter()).width(text) / text.chars().count() as f64;
+            assert!((0.3..0.9).contains(&width), "{text}: {width}");
+        }
+    }
+
+    #[test]
+    fn letters_of_east_asia_are_in_fonts_of_the_reader() {
+        for (text, font) in
+            [("\u{6771}\u{4eac} A", &CHINESE), ("\u{6771}\u{4eac}\u{306e}", &JAPANESE), ("\u{c11c}\u{c6b8}", &KOREAN)]
+        {
+            assert_eq!(asian_font([text].into_iter()), Some(font));
+            assert!(shown(text).contains("/J "), "{}", shown(text));
+        }
+        assert_eq!(runs("a\u{6771}"), [(false, b"a".to_vec()), (true, vec![0x67, 0x71])]);
+        let letters = letters_of(["\u{6771}\u{4eac} \u{5d0}"].into_iter());
+        assert_eq!((letters.lost.as_str(), letters.of_reader.as_str()), ("\u{5d0}", "\u{6771}\u{4eac}"));
+    }
+}
