@@ -1,6 +1,6 @@
 //! Where places of a city's coordinate system are on Earth, for programs that write baked cities in other formats.
 
-use super::crs;
+use super::crs::{self, geoid::Geoid};
 use proj4rs::{Proj, adaptors::transform_vertex_2d, transform::transform};
 
 /// A projected coordinate system by the name that a manifest has.
@@ -64,18 +64,31 @@ impl EarthPlace {
     /// does not reach.
     #[must_use]
     pub fn box_on_map(&self, [west, south, east, north]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
-        /// Points along each side: the sides are curves on the map.
-        const STEPS: u32 = 16;
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let at = |from: f64, to: f64, step: u32| from + (to - from) * f64::from(step) / f64::from(STEPS);
-        for step in 0..=STEPS {
-            let (longitude, latitude) = (at(west, east, step), at(south, north, step));
-            for degrees in [[longitude, south], [longitude, north], [west, latitude], [east, latitude]] {
-                let place = self.on_map(degrees)?;
-                (low, high) = ([0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k])));
-            }
+        for degrees in border([west, south], [east, north]) {
+            let place = self.on_map(degrees)?;
+            (low, high) = ([0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k])));
         }
         Some([low, high])
+    }
+
+    /// West, south, lowest, east, north and highest of a box on the map with heights above sea level: degrees, and metres above the
+    /// ellipsoid by EGM96. West is greater than east if the box crosses the meridian of 180 degrees. `None` where the projection does not
+    /// reach.
+    #[must_use]
+    pub fn extent(&self, [low, high]: [[f64; 3]; 2]) -> Option<[f64; 6]> {
+        let geoid = Geoid::egm96(None).ok()?;
+        let middle = self.lon_lat([0, 1].map(|k| 0.5 * (low[k] + high[k])))?;
+        let (mut least, mut most) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for point in border([low[0], low[1]], [high[0], high[1]]) {
+            let [longitude, latitude] = self.lon_lat(point)?;
+            let undulation_m = geoid.undulation_m(longitude, latitude)?;
+            // From the middle, longitudes on both sides of 180 degrees have an order.
+            let place = [within_half_turn(longitude - middle[0]), latitude, undulation_m];
+            (least, most) = ([0, 1, 2].map(|k| least[k].min(place[k])), [0, 1, 2].map(|k| most[k].max(place[k])));
+        }
+        let [west, east] = [least[0], most[0]].map(|offset| within_half_turn(middle[0] + offset));
+        Some([west, least[1], low[2] + least[2], east, most[1], high[2] + most[2]])
     }
 
     /// Metres from the centre of the Earth of a place with a height above the ellipsoid; `None` where the projection does not reach.
@@ -87,6 +100,21 @@ impl EarthPlace {
         let all = [point.0, point.1, point.2];
         all.iter().all(|v| v.is_finite()).then_some(all)
     }
+}
+
+/// Points along the sides of a rectangle: in another system, the sides are curves.
+fn border(low: [f64; 2], high: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+    /// Parts of each side.
+    const STEPS: u32 = 16;
+    (0..=STEPS).flat_map(move |step| {
+        let [x, y] = [0, 1].map(|k| low[k] + (high[k] - low[k]) * f64::from(step) / f64::from(STEPS));
+        [[x, low[1]], [x, high[1]], [low[0], y], [high[0], y]]
+    })
+}
+
+/// The same direction in degrees, from -180 to below 180.
+fn within_half_turn(degrees: f64) -> f64 {
+    (degrees + 180.0).rem_euclid(360.0) - 180.0
 }
 
 #[cfg(test)]
@@ -118,5 +146,23 @@ mod tests {
         assert!((inverse_flattening - 299.152_812_8).abs() < 1e-5, "{inverse_flattening}");
         assert!(text.contains("+proj=sterea"), "{text}");
         assert!(EarthPlace::of("nowhere").is_none());
+    }
+
+    #[test]
+    fn an_extent_has_heights_above_the_ellipsoid_and_an_order_of_longitudes() {
+        let place = EarthPlace::of("EPSG:7415").unwrap();
+        let (low, high) = ([84_400.0, 447_400.0, -2.0], [84_600.0, 447_600.0, 45.0]);
+        let [west, south, lowest, east, north, highest] = place.extent([low, high]).unwrap();
+        let [longitude, latitude] = place.lon_lat([84_500.0, 447_500.0]).unwrap();
+        assert!(west < longitude && longitude < east && east - west < 0.004, "{west} {east}");
+        assert!(south < latitude && latitude < north && north - south < 0.003, "{south} {north}");
+        // The geoid is about 43 m above the ellipsoid in Delft.
+        assert!((lowest - 41.0).abs() < 2.0 && (highest - 88.0).abs() < 2.0, "{lowest} {highest}");
+
+        // UTM zone 1, a kilometre of it on the other side of 180 degrees.
+        let place = EarthPlace::of("EPSG:32701").unwrap();
+        let [x, y] = place.on_map([-180.0, -17.0]).unwrap();
+        let [west, .., east, _, _] = place.extent([[x - 1000.0, y, 0.0], [x + 1000.0, y + 1000.0, 9.0]]).unwrap();
+        assert!(west > 179.9 && east < -179.9, "{west} {east}");
     }
 }
