@@ -23,7 +23,7 @@ mod tileset_file;
 mod write;
 
 pub use frame::ToGeocentric;
-pub use write::{Destination, write_tileset};
+pub use write::{Destination, each_file, write_tileset};
 
 use crate::{
     boxes,

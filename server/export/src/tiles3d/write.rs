@@ -55,17 +55,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
         }
         Destination::PmTiles(path) => Sink::PmTiles(Box::new(TileArchive::create(path)?)),
     };
-    let mut report = ExportReport::default();
-    write(&mut sink, &mut report, TilesetFile::Tileset, &tileset.tileset_json("")?)?;
-    let mut roots = vec![TileId::ROOT];
-    while let Some(root) = roots.pop() {
-        write_subtree(tileset, root, &mut sink, &mut report, &mut roots)?;
-    }
-    if report.triangles == 0 {
-        return Err(ExportError::Nothing(
-            "the city has no surface in the selected area, or none of the selected objects",
-        ));
-    }
+    let report = make_files(tileset, &mut |file, bytes, has_triangles| write(&mut sink, file, bytes, has_triangles))?;
     let (Destination::Folder(path) | Destination::Archive(path) | Destination::PmTiles(path)) = destination;
     let name = path.display().to_string();
     match sink {
@@ -78,16 +68,42 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
     }
 }
 
-/// Writes the file of a subtree and the contents of its tiles, and adds the roots of child subtrees.
-fn write_subtree(
+/// Gives `take` the path in the tileset and the bytes of each file, one at a time. Fails as [`write_tileset`], or if `take` does.
+pub fn each_file(
+    tileset: &Tileset<'_>,
+    take: &mut dyn FnMut(&str, &[u8]) -> Result<(), ExportError>,
+) -> Result<ExportReport, ExportError> {
+    make_files(tileset, &mut |file, bytes, _| take(&file.to_string(), bytes))
+}
+
+/// Takes a file and its bytes, and whether this one or one before it has triangles.
+type TakeFile<'t> = dyn FnMut(TilesetFile, &[u8], bool) -> Result<(), ExportError> + 't;
+
+fn make_files(tileset: &Tileset<'_>, take: &mut TakeFile<'_>) -> Result<ExportReport, ExportError> {
+    let mut report = ExportReport::default();
+    give(take, &mut report, TilesetFile::Tileset, &tileset.tileset_json("")?)?;
+    let mut roots = vec![TileId::ROOT];
+    while let Some(root) = roots.pop() {
+        make_subtree(tileset, root, take, &mut report, &mut roots)?;
+    }
+    if report.triangles == 0 {
+        return Err(ExportError::Nothing(
+            "the city has no surface in the selected area, or none of the selected objects",
+        ));
+    }
+    Ok(report)
+}
+
+/// Makes the file of a subtree and the contents of its tiles, and adds the roots of child subtrees.
+fn make_subtree(
     tileset: &Tileset<'_>,
     root: TileId,
-    sink: &mut Sink,
+    take: &mut TakeFile<'_>,
     report: &mut ExportReport,
     roots: &mut Vec<TileId>,
 ) -> Result<(), ExportError> {
     let Some(file) = tileset.subtree(root.level(), root.x(), root.y())? else { return Ok(()) };
-    write(sink, report, TilesetFile::Subtree(root), &file)?;
+    give(take, report, TilesetFile::Subtree(root), &file)?;
     let Some(subtree) = tileset.subtree_with(root)? else { return Ok(()) };
     let end = root.level() + super::subtree::LEVELS;
     let is_below = |id: TileId| id.ancestor(root.level()) == Some(root) && tileset.is_selected(id);
@@ -98,7 +114,7 @@ fn write_subtree(
         }
         if let Some(content) = tileset.node_content(node.id)? {
             report.triangles += content.triangles as u64;
-            write(sink, report, TilesetFile::Content(node.id), &content.bytes)?;
+            give(take, report, TilesetFile::Content(node.id), &content.bytes)?;
             report.files += 1;
             report.objects += content.objects as u64;
         }
@@ -106,12 +122,21 @@ fn write_subtree(
     Ok(())
 }
 
-fn write(sink: &mut Sink, report: &mut ExportReport, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
+fn give(
+    take: &mut TakeFile<'_>,
+    report: &mut ExportReport,
+    file: TilesetFile,
+    bytes: &[u8],
+) -> Result<(), ExportError> {
     report.bytes += bytes.len() as u64;
+    take(file, bytes, report.triangles > 0)
+}
+
+fn write(sink: &mut Sink, file: TilesetFile, bytes: &[u8], has_triangles: bool) -> Result<(), ExportError> {
     match sink {
         Sink::Archive(archive, _) => archive.add(&file.to_string(), bytes),
         Sink::PmTiles(archive) => archive.add(file, bytes),
-        Sink::Folder(folder) => folder.write(file, bytes, report.triangles > 0),
+        Sink::Folder(folder) => folder.write(file, bytes, has_triangles),
     }
 }
 
