@@ -5,6 +5,7 @@
 pub mod args;
 pub mod commands;
 pub mod config;
+mod discovery;
 pub mod http;
 pub mod labels;
 pub mod memory;

@@ -35,7 +35,7 @@ pub(crate) const COMMANDS: [&str; 49] = [
     "bake join finish --work DIR",
     "bake abort --work DIR",
     "publish DIR --out DIR",
-    "publish city --out DIR",
+    "publish city --out DIR --tileset",
     "export DIR --format 3dtiles --out DIR",
     "export city --format 3dtiles --out DIR",
     "export city --format 3dtiles --out OUT.3tz",

@@ -56,9 +56,12 @@ pub struct PublishArgs {
     /// Title of the site
     #[arg(long, value_name = "T")]
     pub title: Option<String>,
-    /// Address that the site will have, for previews of links to it and for the page of wrong addresses
+    /// Address that the site will have, for previews of links to it, catalogues, and the page of wrong addresses
     #[arg(long, value_name = "URL", value_parser = parse_site_address)]
     pub url: Option<String>,
+    /// Write each city as 3D Tiles, too, for CesiumJS, QGIS, ArcGIS and other programs
+    #[arg(long)]
+    pub tileset: bool,
     /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

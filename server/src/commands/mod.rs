@@ -35,6 +35,7 @@ mod publish;
 mod search;
 mod serve;
 mod sign;
+mod site_documents;
 mod site_folder;
 mod stats;
 #[cfg(feature = "bake")]

@@ -4,12 +4,19 @@
 //! SITE/index.html                 the list of cities; of a single city, its page
 //!      assets/HASH/FILE           the viewer; FILE.br and FILE.gz for hosts that send compressed files
 //!      cities/NAME/index.html     page, and beside it the files of the city
+//!      cities/NAME/item.json, catalog.json, collections.json, collections/NAME.json    for catalogues and GIS (`discovery`)
+//!      cities/NAME/3dtiles/       with --tileset
 //!      404.html                   for wrong addresses
 //!      service-worker.js
 //!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
 //! ```
 
-use super::{error::CommandError, output::print_result, site_folder::SiteFolder};
+use super::{
+    error::CommandError,
+    output::print_result,
+    site_documents::{write_documents, write_tileset},
+    site_folder::SiteFolder,
+};
 use crate::{
     args::PublishArgs,
     config::ServeConfig,
@@ -55,6 +62,9 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     write_viewer(&mut site, viewer)?;
     for city in &cities {
         write_city(&mut site, city)?;
+        if args.tileset {
+            write_tileset(&mut site, city)?;
+        }
         let links = in_city_folder(city, args, cities.len());
         let html = page::city_page(facts(city), &links, viewer, &brand);
         site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
@@ -64,6 +74,7 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         cities => list(cities, viewer, args, &brand),
     };
     site.write("index.html", index.as_bytes())?;
+    write_documents(&mut site, &cities, brand.title(), args.url.as_deref())?;
     site.write(WRONG_ADDRESS_FILE, wrong_address(&cities, viewer, args, &brand).as_bytes())?;
     for city in brand.start_cities().filter(|name| store.city(name).is_none()) {
         eprintln!("note: site.start: no city of the name {city} is published: check its spelling");
@@ -205,7 +216,15 @@ mod tests {
             let cities = cities.iter().map(|city| (*city).clone()).collect();
             let url = url.map(str::to_owned);
             publish_site(
-                &PublishArgs { cities, out: out.clone(), title: None, url, config: None, json: Default::default() },
+                &PublishArgs {
+                    cities,
+                    out: out.clone(),
+                    title: None,
+                    url,
+                    tileset: false,
+                    config: None,
+                    json: Default::default(),
+                },
                 &viewer,
             )
             .unwrap();

@@ -83,6 +83,11 @@ impl SiteFolder {
         sync(&path).map_err(|error| write_error(&path, &error))
     }
 
+    /// Length and hash of a file of the site in the making; `None` if it has no such file.
+    pub(super) fn mark(&self, name: &str) -> Option<FileMark> {
+        self.files.get(name)
+    }
+
     /// Notes a file, and returns its path.
     fn place(&mut self, name: &str, mark: FileMark) -> Result<PathBuf, CommandError> {
         let line = format!("{} {name}\n", mark.to_text());

@@ -28,8 +28,8 @@ pub(super) fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLink
     }
 }
 
-/// A sentence about a city for search engines and previews of links.
-pub(super) fn description(city: CityFacts<'_>) -> String {
+/// A sentence about a city for search engines, previews of links and catalogues.
+pub(crate) fn description(city: CityFacts<'_>) -> String {
     let manifest = city.manifest;
     let [width, depth] = extent_m(city).map(|side| side / 1000.0);
     let mut text =

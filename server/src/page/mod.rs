@@ -12,6 +12,7 @@ mod list_page;
 mod policy;
 mod texts;
 
+pub(crate) use about::description;
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
 pub(crate) use brand::Brand;

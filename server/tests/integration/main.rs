@@ -15,6 +15,8 @@ mod binary;
 #[cfg(feature = "bake")]
 mod bucket_inputs;
 #[cfg(feature = "bake")]
+mod discovery;
+#[cfg(feature = "bake")]
 mod draw;
 mod hostile_archives;
 mod http;

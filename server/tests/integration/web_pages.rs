@@ -348,6 +348,7 @@ fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
         out: out.to_owned(),
         title: Some("Our <cities>".into()),
         url,
+        tileset: false,
         config: None,
         json: Default::default(),
     };

@@ -1,0 +1,78 @@
+//! What `publish` writes for other programs: documents by which catalogues and GIS find the cities, and tilesets.
+
+use super::{error::CommandError, site_folder::SiteFolder};
+#[cfg(feature = "bake")]
+use crate::store::StoredCity;
+use crate::{
+    discovery::{self, CityRecord, city_files},
+    page::{CityFacts, description},
+    store::CityStore,
+};
+use insula_archive::city::MANIFEST_FILE;
+#[cfg(feature = "bake")]
+use insula_bake::read::EarthPlace;
+#[cfg(feature = "bake")]
+use insula_export::{
+    glb::ExportError,
+    selection::ObjectSelection,
+    tiles3d::{Tileset, each_file},
+};
+use std::{fs, path::PathBuf, sync::Arc};
+
+/// Writes the documents, which list the files of cities that the site has by now. `url` is the site's address, if it is known.
+pub(super) fn write_documents(
+    site: &mut SiteFolder,
+    cities: &[&Arc<CityStore>],
+    title: &str,
+    url: Option<&str>,
+) -> Result<(), CommandError> {
+    let records = cities.iter().map(|city| record(site, city)).collect::<Result<Vec<_>, _>>()?;
+    for (path, document) in discovery::documents(title, &records, url) {
+        site.write(&path, format!("{document:#}\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+fn record<'c>(site: &SiteFolder, city: &'c CityStore) -> Result<CityRecord<'c>, CommandError> {
+    let manifest = city.manifest();
+    // Manifests do not say when they were made. A publish that is repeated gives the same documents.
+    let path = city.folder().map_or_else(PathBuf::new, |folder| folder.join(MANIFEST_FILE));
+    let time = fs::metadata(&path).and_then(|found| found.modified());
+    let time = time.map_err(|error| CommandError::Publish { path, reason: error.to_string() })?;
+    let mark = |name: &str| site.mark(&format!("cities/{}/{name}", manifest.name));
+    Ok(CityRecord {
+        manifest,
+        description: description(CityFacts { manifest, file_bytes: city.file_bytes() }),
+        extent: discovery::extent(manifest),
+        time,
+        files: city_files().filter_map(|file| Some((file, mark(file.name)?))).collect(),
+    })
+}
+
+/// Writes a city as 3D Tiles into its folder, with one tile in memory at a time. Fails if the city cannot be read, or has no surface.
+#[cfg(feature = "bake")]
+pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandError> {
+    let failed = |reason: String| CommandError::Publish { path: city.location().into(), reason };
+    let manifest = city.manifest();
+    let read = |kind, id| city.tile(kind, id);
+    let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
+    let source = StoredCity::new(manifest, &schema, &read);
+    let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+    let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
+    let everything = ObjectSelection::default();
+    let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(error.to_string()))?;
+    let folder = format!("cities/{}/{}", manifest.name, discovery::TILESET_FOLDER);
+    let mut take = |name: &str, bytes: &[u8]| {
+        let written = site.write(&format!("{folder}/{name}"), bytes);
+        let source = written.map_err(|error| std::io::Error::other(error.to_string()));
+        source.map_err(|source| ExportError::Write { what: name.to_owned(), source })
+    };
+    each_file(&tileset, &mut take).map(|_| ()).map_err(|error| failed(error.to_string()))
+}
+
+/// Tilesets are a part of the bake.
+#[cfg(not(feature = "bake"))]
+pub(super) fn write_tileset(_: &mut SiteFolder, _: &CityStore) -> Result<(), CommandError> {
+    let reason = "--tileset: this program can only serve; use one that was built with the feature `bake`";
+    Err(CommandError::Bake(reason.into()))
+}
