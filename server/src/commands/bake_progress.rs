@@ -22,7 +22,7 @@ const SPINNER_TEMPLATE: &str = "{prefix:>10} {spinner} {elapsed}";
 /// Progress template of a stage with a known number of steps.
 const BAR_TEMPLATE: &str = "{prefix:>10} {wide_bar} {percent:>3}% {elapsed}{left}";
 /// Time between two lines where there is no terminal.
-const LINE_INTERVAL: Duration = Duration::from_secs(10);
+pub(super) const LINE_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Shows the progress of a bake. The remaining time covers the current stage only.
 pub(super) struct BakeProgress(Arc<Shown>);

@@ -2,6 +2,7 @@
 
 mod checks;
 mod files;
+mod progress;
 mod proposal;
 mod shadow;
 mod sheet;
@@ -17,10 +18,10 @@ use crate::{
 };
 use checks::{check_options, check_outputs};
 use files::write;
-use indicatif::{ProgressBar, ProgressStyle};
 use insula_analysis::{sky::sky_view, solar::solar_year, sun::Site, surface::CitySurface, walls::WallPoint};
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
+use progress::AnalysisProgress;
 use proposal::{AROUND_M, Change, Proposal};
 use std::path::PathBuf;
 
@@ -156,8 +157,8 @@ fn beside(
 impl Question<'_> {
     /// Computes what is asked for, but shadows.
     fn answer(&self, surface: &mut CitySurface) -> Result<Answer, CommandError> {
-        let bar = progress_bar();
-        let progress = |share: f64| bar.set_position((share * 1000.0) as u64);
+        let shown = AnalysisProgress::start();
+        let progress = |share: f64| shown.at(share);
         let answer = match self.args.what {
             Analysis::Sun => sun::sun(self.args, surface, &self.site()?, &progress)?,
             Analysis::View => view::view(self.args, surface, self.place, &progress)?,
@@ -176,7 +177,7 @@ impl Question<'_> {
                 }
             }
         };
-        bar.finish_and_clear();
+        shown.clear();
         Ok(answer)
     }
 
@@ -211,11 +212,6 @@ fn site_of(source: &dyn ExportSource) -> Result<Site, CommandError> {
     Site::of(source.manifest()).ok_or_else(|| {
         CommandError::Usage("it is not known where on Earth this city lies: bake it with --crs or --at".to_owned())
     })
-}
-
-fn progress_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{wide_bar} {percent:>3}% {elapsed} (about {eta} left)");
-    ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 impl Default for Answer {
