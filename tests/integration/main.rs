@@ -29,6 +29,7 @@ mod mesh_cracks;
 mod node_error;
 mod office;
 mod packets;
+mod qgis;
 mod random_commands;
 mod scripts;
 mod stream_server_restart;
@@ -90,6 +91,7 @@ const MODULES: [(&str, Add); 42] = [
     ("drape", drape::add),
     ("synth", synth::add),
     ("scripts", scripts::add),
+    ("qgis", qgis::add),
     ("office", office::add),
     ("documents", documents::add),
     ("command_line", command_line::add),

@@ -60,9 +60,9 @@ pub(crate) fn add(trials: &mut Trials) {
     }));
     let [decoder, reader] = ["tools", "tools/formats"].map(|folder| root.join(folder));
     trials.add([
-        Test::new("the_second_decoder_reads_the_frozen_tiles", move || passes_its_unit_tests(&decoder))
+        Test::new("the_second_decoder_reads_the_frozen_tiles", move || passes_its_unit_tests(&decoder, &[]))
             .ignored_if(!has_python),
-        Test::new("the_second_reader_of_formats_passes_its_tests", move || passes_its_unit_tests(&reader))
+        Test::new("the_second_reader_of_formats_passes_its_tests", move || passes_its_unit_tests(&reader, &[]))
             .ignored_if(is_ignored(Path::new(READER_TESTS))),
         Test::new("faults_have_a_place", faults_have_a_place).ignored_if(!has_python),
         Test::new("the_service_worker_never_stands_before_the_network", service_worker)
@@ -113,7 +113,12 @@ fn scripts(root: &Path) -> Vec<PathBuf> {
 }
 
 fn python(arguments: &[&str], folder: &Path) -> Result<String> {
+    python_with(&[], arguments, folder)
+}
+
+fn python_with(variables: &[(&str, &Path)], arguments: &[&str], folder: &Path) -> Result<String> {
     let mut command = Command::new("python3");
+    command.envs(variables.iter().copied());
     let output = run(command.arg("-B").args(arguments).current_dir(folder))?;
     let text = [output.stdout, output.stderr].concat();
     let text = String::from_utf8_lossy(&text).into_owned();
@@ -134,7 +139,8 @@ fn faults_have_a_place() -> Result<()> {
     Ok(())
 }
 
-fn passes_its_unit_tests(folder: &Path) -> Result<()> {
-    python(&["-m", "unittest", "discover"], folder)?;
+/// Runs the unit tests of a folder, with these variables of the environment.
+pub(crate) fn passes_its_unit_tests(folder: &Path, variables: &[(&str, &Path)]) -> Result<()> {
+    python_with(variables, &["-m", "unittest", "discover"], folder)?;
     Ok(())
 }
