@@ -19,6 +19,7 @@ CONCERNS = {
     "shaders/src/cpu/": ["twin_", "packets::"],
     "shaders/src/gpu/": ["twin_"],
     "client/web/": ["browser::"],
+    "client/qgis/": ["qgis::"],
     "client/src/ui/": ["window::a_user"],
     "tests/tools/": ["scripts::"],
     "tests/load/": ["scripts::"],
