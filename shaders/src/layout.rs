@@ -235,6 +235,9 @@ pub struct FrameUniform {
     pub map_in_progress: u32,
     /// What each map shows, as a hash; 0 without a map. A map is made again when its key changes.
     pub map_keys: [u32; MAX_MAPS],
+    /// The first of the nodes that are not in the grid, and their number: meshes of what is added to the city. Every ray tests them.
+    pub additions: [u32; 2],
+    pub padding: [u32; 2],
 }
 
 /// Heights above the horizon in the sky's tables.

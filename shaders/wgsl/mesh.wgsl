@@ -38,6 +38,16 @@ struct PendingHalf {
 var<private> mesh_ray: MeshRay;
 var<private> mesh_hit: MeshHit;
 
+// Gathers what is added to the city where it is nearer than what was hit in the grid.
+fn walk_additions() {
+    for (var k = 0u; k < frame.additions.y; k++) {
+        if segment.to_sun && ray_hit.is_hit {
+            return;
+        }
+        walk_mesh(frame.additions.x + k);
+    }
+}
+
 fn walk_mesh(index: u32) {
     if COUNT {
         counts.x++;
@@ -55,10 +65,11 @@ fn walk_mesh(index: u32) {
     mesh_ray.palette = whole.w;
     mesh_ray.stride = triangle_stride(info);
     let span = box_span(whole);
-    if span.x > span.y || span.x > segment.reach_m {
+    let reach_m = select(segment.reach_m, ray_hit.distance_m, ray_hit.is_hit);
+    if span.x > span.y || span.x > reach_m {
         return;
     }
-    mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0), 0u, 0.0, 0.0, true, 0u);
+    mesh_hit = MeshHit(min(reach_m, span.y + 1.0), 0u, 0.0, 0.0, true, 0u);
     nearest_triangle(info.x);
     if mesh_hit.triangle == 0u {
         return;

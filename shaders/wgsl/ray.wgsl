@@ -21,6 +21,8 @@ override WINDOWS: bool = false;
 // Whether objects have colours or are hidden, or the frame shows objects.
 override OBJECTS: bool = false;
 
+// Whether anything is added to the city.
+override ADDITIONS: bool = false;
 // Whether there are meshes with landmarks.
 override LANDMARKS: bool = false;
 // Whether there are translucency maps.

@@ -126,6 +126,9 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
         if frame.levels != 0u {
             walk_grid();
         }
+        if ADDITIONS {
+            walk_additions();
+        }
         if segment.to_sun {
             sun_share = select(1.0, 0.0, ray_hit.is_hit);
             break;

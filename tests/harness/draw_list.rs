@@ -236,6 +236,18 @@ impl Scene<'_> {
         near
     }
 
+    /// Adds copies of all meshes, moved by some metres, to the city.
+    pub fn add_moved_meshes(&mut self, by_m: [f32; 3]) {
+        let moved = |node: &DrawNode| DrawNode {
+            corner: std::array::from_fn(|k| node.corner[k] + by_m[k]),
+            mesh_z_m: node.mesh_z_m + by_m[2],
+            ..*node
+        };
+        let moved: Vec<DrawNode> = self.nodes.iter().filter(|node| node.mesh != 0).map(moved).collect();
+        self.frame.additions = [self.nodes.len() as u32, moved.len() as u32];
+        self.nodes.extend(moved);
+    }
+
     pub fn render(&self) -> Pixels {
         render(&self.as_ref())
     }

@@ -36,6 +36,7 @@ pub(crate) fn add(trials: &mut Trials) {
         packets_draw_every_look,
         lamps_light_streets_and_not_roofs,
         packets_draw_cross_fades,
+        packets_draw_what_is_added_to_a_city,
         adaptive_frames_are_the_same_in_steps_and_close_to_full_ones
     ]);
 }
@@ -119,6 +120,33 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
         scene.frame.bays = bays_of(camera.position.into(), 1.0 / 67.0);
         check(&scene, &format!("city {seed}, at night"))?;
     }
+    Ok(())
+}
+
+/// Meshes that are not in the grid, before and behind what is in it, and in its shadow.
+fn packets_draw_what_is_added_to_a_city() -> Result<()> {
+    let mut differing = 0;
+    for (seed, city) in cities().iter().enumerate() {
+        let mut city = city.clone();
+        let mut rng = Rng::new(300 + seed as u64);
+        random_mesh::add(&mut city, &mut Rng::new(500 + seed as u64), 0.5)?;
+        city.draw_list.set_styles(|object| if object % 3 == 0 { PALETTE_HIDDEN } else { 0 });
+        for (pose, shading) in
+            Pose::ALL.into_iter().zip([Shading::Lit, Shading::Objects, Shading::Wire].into_iter().cycle())
+        {
+            let camera = random::camera(&mut rng, &city, pose);
+            let mut scene = city.draw_list.scene(&camera, &FrameSpec { shading, samples: 2, ..FRAME });
+            (scene.frame.objects, scene.frame.shadow_m) = (1, 1e3);
+            let without = scene.render();
+            scene.add_moved_meshes([7.0, -3.0, 5.0]);
+            let with = scene.render();
+            let nearer = without.distance.iter().zip(&with.distance).all(|(without, with)| *with <= *without + 0.01);
+            ensure!(nearer, "city {seed}, {pose:?}: additions hide nothing that is before them");
+            differing += usize::from(without.hit != with.hit);
+            check(&scene, &format!("city {seed} with additions, {pose:?}, {}", shading.word()))?;
+        }
+    }
+    ensure!(differing > 0, "no addition is seen");
     Ok(())
 }
 

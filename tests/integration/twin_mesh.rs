@@ -11,7 +11,7 @@ use insula_protocol::{
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
 use insula_test_support::tier;
 use insula_tests::{
-    draw_list::{CityArea, DrawList},
+    draw_list::{CityArea, DrawList, Scene},
     gpu::Gpu,
     gpu_tests,
     random::{self, Pose, RandomCity},
@@ -29,6 +29,7 @@ pub(crate) fn add(trials: &mut Trials) {
     trials
         .add(gpu_tests![
             gpu_draws_meshes_as_the_cpu_does,
+            gpu_draws_what_is_added_as_the_cpu_does,
             no_ray_on_the_gpu_passes_a_closed_surface,
             gpu_and_cpu_agree_in_every_shading
         ])
@@ -67,11 +68,15 @@ fn twins_agree(
 ) -> Result<twin::Difference> {
     let mut scene = city.draw_list.scene(camera, spec);
     scene.frame.shadow_m = shadow_m;
-    let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
-    let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
+    scene_agrees(gpu, &scene, camera, what)
+}
+
+fn scene_agrees(gpu: &Gpu, scene: &Scene<'_>, camera: &Camera, what: &str) -> Result<twin::Difference> {
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
+    let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
     if let Err(error) = difference.check() {
         let at = difference.off_edge.first().copied().or(difference.first).unwrap_or_default();
-        let i = (at[1] * spec.width_px + at[0]) as usize;
+        let i = (at[1] * scene.frame.width_px + at[0]) as usize;
         let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
         anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
     }
@@ -101,6 +106,20 @@ fn gpu_draws_meshes_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
         }
     }
     println!("{}: {differing} of {pixels} pixels differ", gpu.name);
+    Ok(())
+}
+
+fn gpu_draws_what_is_added_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
+    for (seed, (city, _)) in cities().iter().enumerate().take(2) {
+        let mut rng = Rng::new(4000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let mut scene = city.draw_list.scene(&camera, &FRAME);
+            scene.frame.shadow_m = 500.0;
+            scene.add_moved_meshes([7.0, -3.0, 5.0]);
+            scene_agrees(gpu, &scene, &camera, &format!("city {seed} with additions, {pose:?}"))?;
+        }
+    }
     Ok(())
 }
 

@@ -76,7 +76,7 @@ struct PendingHalf {
     t: f32,
 }
 
-/// Gathers the first triangle that the ray's segment hits in the mesh of node `index`.
+/// Gathers the first triangle that the ray's segment hits in the mesh of node `index`, if it is nearer than what was hit before.
 pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let Some(node) = ray.scene.nodes.get(index as usize) else { return };
     ray.counts.nodes += 1;
@@ -89,10 +89,11 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let mut mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero), whole[3]);
     mesh_ray.stride = triangle_stride(info);
     let [enter_m, exit_m] = box_span(&mesh_ray, whole);
-    if enter_m > exit_m || enter_m > ray.segment.reach_m {
+    let reach_m = ray.segment.reach_m.min(ray.hit.distance_m);
+    if enter_m > exit_m || enter_m > reach_m {
         return;
     }
-    let reach_m = ray.segment.reach_m.min(exit_m + 1.0);
+    let reach_m = reach_m.min(exit_m + 1.0);
     let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true, object: 0 };
     match mesh_ray.axis {
         2 => nearest_triangle::<2>(ray, &mesh_ray, info[0], &mut mesh_hit),

@@ -18,6 +18,15 @@ pub struct SceneRef<'a> {
     pub atlas: &'a [u32],
 }
 
+impl<'a> SceneRef<'a> {
+    /// The meshes of what is added to the city, with the numbers of their nodes.
+    pub(super) fn additions(&self) -> impl Iterator<Item = (u32, &'a DrawNode)> + use<'a> {
+        let [first, count] = self.frame.additions;
+        let nodes = self.nodes.get(first as usize..).unwrap_or_default();
+        (first..).zip(nodes).take(count as usize)
+    }
+}
+
 /// Counters of the work of one ray or of many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RayCounts {

@@ -19,7 +19,7 @@ use super::{
     },
     stone::{StoneSurface, stone_surface},
     translucency::{MapAxes, gathered, map_of},
-    walk::walk_grid,
+    walk::walk_scene,
     ward::{StoneSide, reflect_stone},
 };
 use crate::parallel::*;
@@ -150,9 +150,7 @@ pub(super) fn is_beside_other(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> bool {
         let neighbour = [x.wrapping_add_signed(*right), y.wrapping_add_signed(*down)];
         let centre = Vec2::new(x as f32 + *right as f32, y as f32 + *down as f32) + 0.5;
         let mut ray = Ray::from_eye(scene, ray_direction(scene.frame, centre), threshold_of(neighbour, 1, 0));
-        if scene.frame.levels != 0 {
-            walk_grid(&mut ray);
-        }
+        walk_scene(&mut ray);
         !ray.is_outlined(ray.hit.object)
     })
 }
@@ -208,9 +206,7 @@ fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
 fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) -> TracedRay {
     let frame = scene.frame;
     let mut ray = Ray::from_eye(scene, dir, threshold);
-    if frame.levels != 0 {
-        walk_grid(&mut ray);
-    }
+    walk_scene(&mut ray);
     let mut seen = ray.hit;
     let airlight = &pixel.airlight;
     let (light, eye_m) = if seen.is_hit {
@@ -226,9 +222,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
         let origin = seen.shadow_origin.map(|v| floor(v * ORIGINS_PER_M + 0.5) as f32 / ORIGINS_PER_M);
         ray.segment = RaySegment { origin, dir: pixel.sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
         ray.hit = RayHit::NOTHING;
-        if frame.levels != 0 {
-            walk_grid(&mut ray);
-        }
+        walk_scene(&mut ray);
         sun_share = if ray.hit.is_hit { 0.0 } else { 1.0 };
     }
     TracedRay {

@@ -108,6 +108,20 @@ struct GridEntry {
     level: u32,
 }
 
+/// Gathers the surface that the ray's segment hits: that in the grid, or a nearer one of what is added to the city.
+pub(super) fn walk_scene(ray: &mut Ray<'_>) {
+    let scene = ray.scene;
+    if scene.frame.levels != 0 {
+        walk_grid(ray);
+    }
+    for (index, _) in scene.additions() {
+        if ray.segment.to_sun && ray.hit.is_hit {
+            return;
+        }
+        walk_mesh(ray, index);
+    }
+}
+
 /// Gathers the surfaces that the ray's segment hits. The grid must have levels.
 pub(super) fn walk_grid(ray: &mut Ray<'_>) {
     let Some(mut walk) = GridWalk::begin_walk(ray) else { return };

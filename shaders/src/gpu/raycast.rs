@@ -61,6 +61,8 @@ pub(super) struct PipelineVariant {
     landmarks: bool,
     /// There are translucency maps.
     translucent: bool,
+    /// Something is added to the city.
+    additions: bool,
 }
 
 impl PipelineVariant {
@@ -155,6 +157,7 @@ pub(super) fn pipeline(
                 ("OBJECTS", variant.objects),
                 ("LANDMARKS", variant.landmarks),
                 ("TRANSLUCENT", variant.translucent),
+                ("ADDITIONS", variant.additions),
             ]
             .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
@@ -253,6 +256,7 @@ impl Raycaster {
                 objects: frame.objects != 0,
                 landmarks: meshes && frame.landmarks != 0,
                 translucent: meshes && frame.translucent != 0,
+                additions: meshes && frame.additions[1] != 0,
             },
         );
         self.last_frame = *frame;

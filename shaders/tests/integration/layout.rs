@@ -74,6 +74,8 @@ fn structs_have_the_same_layout() {
             translucent,
             map_in_progress,
             map_keys,
+            additions,
+            padding,
         }
     );
     assert_layout!(

@@ -64,6 +64,8 @@ struct FrameUniform {
     translucent: u32,
     map_in_progress: u32,
     map_keys: vec2<u32>,
+    additions: vec2<u32>,
+    padding: vec2<u32>,
 }
 
 // In rows of four words: a row is read at once.

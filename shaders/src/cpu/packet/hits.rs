@@ -136,6 +136,7 @@ impl<S: Simd> Hits<S> {
             return;
         }
         self.is_hit.set(lane, true);
+        self.colour[lane] = 0;
         self.albedo.set_lane(lane, hit.albedo);
         self.ao[lane] = hit.ao;
         self.normal.set_lane(lane, hit.normal);

@@ -40,7 +40,7 @@ struct SharedHalf<S: Simd> {
     t: F<S>,
 }
 
-/// Gathers the first triangles that the rays in `group` hit in the mesh of a node.
+/// Gathers the first triangles that the rays in `group` hit in the mesh of a node, where they are nearer than what was hit before.
 #[inline(always)]
 pub(super) fn walk_meshes<S: Simd>(
     simd: S,
@@ -68,7 +68,7 @@ pub(super) fn walk_meshes<S: Simd>(
         |v| splat(simd, 1.0) / v,
     );
     let [enter_m, exit_m] = box_span(simd, o, inv, whole);
-    let reach = splat(simd, segments.reach_m);
+    let reach = splat(simd, segments.reach_m).fast_min(hits.distance_m);
     let meets = group & enter_m.simd_le(exit_m) & enter_m.simd_le(reach);
     if meets.all_false() {
         return;
@@ -144,6 +144,7 @@ fn hit_singly<S: Simd>(
 fn walk_singly<S: Simd>(scene: &SceneRef<'_>, segments: &Segments<S>, index: u32, group: M<S>, hits: &mut Hits<S>) {
     for lane in lanes_of::<S>(group) {
         let mut ray = segments.lane(scene, lane);
+        ray.segment.reach_m = ray.segment.reach_m.min(hits.distance_m[lane]);
         walk_mesh(&mut ray, index);
         hits.set_lane(lane, &ray.hit);
     }

@@ -112,6 +112,7 @@ pub(super) fn hit_triangles<S: Simd>(
     hits.flags = found.select(flags, hits.flags);
     hits.distance_m = found.select(t, hits.distance_m);
     hits.node = found.select(splat_u(simd, index), hits.node);
+    hits.stone = found.select(splat_u(simd, 0), hits.stone);
     if scene.frame.shadow_m > 0.0 {
         let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
         hits.shadow_origin = Vec3s::select(found, origin, hits.shadow_origin);

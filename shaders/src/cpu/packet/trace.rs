@@ -5,6 +5,7 @@ use super::{
     grid_walk::walk_grid,
     hits::{Hits, Segments},
     lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u},
+    mesh::walk_meshes,
     shade::{Radiances, apply_haze, linear_of, reflected, unit_normal},
     sky::{background, ground_distance},
     stone::stones_of,
@@ -100,6 +101,13 @@ fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M
         simd.vectorize(
             #[inline(always)]
             || walk_grid(simd, scene, segments, lanes, hits),
+        );
+    }
+    for (index, node) in scene.additions() {
+        let open = if segments.to_sun { lanes & !hits.is_hit } else { lanes };
+        simd.vectorize(
+            #[inline(always)]
+            || walk_meshes(simd, scene, segments, (node, index), open, hits),
         );
     }
 }
