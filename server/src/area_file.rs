@@ -1,6 +1,5 @@
 //! The file of an area on the map.
 
-use super::error::CommandError;
 use insula_archive::file::read_text;
 use insula_bake::read::EarthPlace;
 use insula_export::selection::Polygon;
@@ -10,15 +9,14 @@ use std::path::Path;
 const MAX_BYTES: u64 = 16 << 20;
 const MAX_DEPTH: u32 = 16;
 
-/// All polygons of the GeoJSON file of an option on the map of a city with these bounds. They may be in degrees, as GeoJSON has them, or in metres of the
-/// city's coordinate system. Fails if there is none, or if their places cannot be known.
-pub(super) fn read_polygons(
-    option: &str,
+/// All polygons of a GeoJSON file on the map of a city with these bounds. They may be in degrees, as GeoJSON has them, or in metres of the
+/// city's coordinate system. Fails with file and reason if there is none, or if their places cannot be known.
+pub(crate) fn read_polygons(
     path: &Path,
     city: [[f64; 2]; 2],
     place: Option<&EarthPlace>,
-) -> Result<Vec<Polygon>, CommandError> {
-    let wrong = |reason: &str| CommandError::Usage(format!("{option} {}: {reason}", path.display()));
+) -> Result<Vec<Polygon>, String> {
+    let wrong = |reason: &str| format!("{}: {reason}", path.display());
     let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error.to_string()))?;
     let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
     let mut polygons = Vec::new();
@@ -32,7 +30,7 @@ pub(super) fn read_polygons(
 
 /// Brings the points of a file to the map of a city with these bounds: they may be in degrees, or in metres of the city. Fails if their
 /// places cannot be known.
-pub(super) fn bring_to_map(
+pub(crate) fn bring_to_map(
     points: &mut [&mut [f64; 2]],
     city: [[f64; 2]; 2],
     place: Option<&EarthPlace>,
@@ -90,7 +88,7 @@ mod tests {
         let read = |text: &str, place: Option<&EarthPlace>| {
             let path = folder.path().join("a.geojson");
             std::fs::write(&path, text).unwrap();
-            read_polygons("--polygon", &path, city, place).map_err(|error| error.to_string())
+            read_polygons(&path, city, place)
         };
         let polygon = |ring: &str| format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#);
         let feature = |geometry: &str| format!(r#"{{"type": "Feature", "properties": {{}}, "geometry": {geometry}}}"#);

@@ -2,6 +2,8 @@
 //!
 //! Other programs embed the server with [`store::Store::open`], [`config::ServeConfig`] and [`http::serve`].
 
+#[cfg(feature = "bake")]
+mod area_file;
 pub mod args;
 pub mod commands;
 pub mod config;
@@ -10,6 +12,8 @@ pub mod http;
 pub mod labels;
 pub mod memory;
 pub mod page;
+#[cfg(feature = "bake")]
+pub mod proposal;
 mod secret_file;
 pub mod share_link;
 pub mod store;

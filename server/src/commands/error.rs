@@ -52,6 +52,9 @@ pub enum CommandError {
     Keys(String),
     #[error("{0}")]
     Usage(String),
+    #[cfg(feature = "bake")]
+    #[error(transparent)]
+    Proposal(#[from] crate::proposal::ProposalError),
 }
 
 impl CommandError {
@@ -59,6 +62,8 @@ impl CommandError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,
+            #[cfg(feature = "bake")]
+            Self::Proposal(_) => 2,
             Self::Final(_) => 3,
             _ => 1,
         }

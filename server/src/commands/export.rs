@@ -1,7 +1,8 @@
 //! `export`: a baked city, or a part of it, in the formats of other programs.
 
-use super::{area_file::read_polygons, error::CommandError, output::print_result};
+use super::{error::CommandError, output::print_result};
 use crate::{
+    area_file::read_polygons,
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
@@ -247,7 +248,8 @@ fn selection(
 ) -> Result<ObjectSelection, CommandError> {
     let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
     let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-    let polygons = args.polygon.as_deref().map(|path| read_polygons("--polygon", path, city, place)).transpose()?;
+    let polygons = args.polygon.as_deref().map(|path| read_polygons(path, city, place)).transpose();
+    let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--polygon {reason}")))?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygons, objects })
 }

@@ -7,8 +7,6 @@ mod analyse;
 #[cfg(feature = "bake")]
 mod ao;
 #[cfg(feature = "bake")]
-mod area_file;
-#[cfg(feature = "bake")]
 mod bake;
 #[cfg(feature = "bake")]
 mod bake_progress;

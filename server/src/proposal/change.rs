@@ -1,15 +1,11 @@
-//! `--proposal`: a file of what is added to a city and removed from it, and what an analysis says of the change.
+//! What a proposal changes, on the map of a city.
 
-use super::{
-    super::{area_file::read_polygons, error::CommandError},
-    Answer,
-};
-use crate::args::Analysis;
+use super::{AddTable, Proposal, ProposalError};
+use crate::area_file::read_polygons;
 use insula_analysis::{
-    proposal::{Addition, SurfaceValues, change},
+    proposal::Addition,
     surface::{Building, CitySurface},
 };
-use insula_archive::file::read_text;
 use insula_bake::read::{self, EarthPlace, PlacingOptions, ReadOptions};
 use insula_export::{
     selection::{Polygon, passing},
@@ -17,98 +13,39 @@ use insula_export::{
 };
 use insula_objects::filter::Filter;
 use roaring::RoaringBitmap;
-use serde::Deserialize;
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeSet, path::Path};
 
-const MAX_BYTES: u64 = 1 << 20;
-/// How far around a proposal values are computed.
-pub(super) const AROUND_M: f64 = 500.0;
 /// All of a model is so near to its place.
 const FAR_M: f64 = 2000.0;
-
-/// A file of `--proposal`. Files that it names are beside it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Proposal {
-    #[serde(default)]
-    title: String,
-    #[serde(default)]
-    add: Vec<AddTable>,
-    #[serde(default)]
-    remove: Vec<RemoveTable>,
-    #[serde(skip)]
-    path: PathBuf,
-}
-
-/// A model, or all above an outline up to a height.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AddTable {
-    /// A model that `bake` reads.
-    file: Option<PathBuf>,
-    /// Longitude and latitude of its origin, if it has no coordinates of its own.
-    place: Option<Vec<f64>>,
-    /// Clockwise from the file's north.
-    #[serde(default)]
-    heading_deg: f64,
-    /// Polygons in a GeoJSON file, and the height above the base.
-    outline: Option<PathBuf>,
-    height_m: Option<f64>,
-    /// Above sea level. By default the ground at the place, or the lowest ground along the outline.
-    base_m: Option<f64>,
-}
-
-impl AddTable {
-    /// Fails with what does not fit together.
-    fn check(&self) -> Result<(), &'static str> {
-        let Self { file, place, heading_deg, outline, height_m, base_m } = self;
-        let is_height = |height: &f64| (0.1..=2000.0).contains(height);
-        match (file, outline) {
-            (Some(_), None) if height_m.is_some() => Err("height_m is of an outline: a file has its own height"),
-            (Some(_), None) if place.is_none() && (base_m.is_some() || *heading_deg != 0.0) => {
-                Err("base_m and heading_deg of a file need its place: a file with coordinates stands where they say")
-            }
-            (Some(_), None) if place.as_ref().is_some_and(|place| place.len() != 2) => {
-                Err("a place is [longitude, latitude]; base_m is the height above sea level")
-            }
-            (Some(_), None) => Ok(()),
-            (None, Some(_)) if place.is_some() || *heading_deg != 0.0 => {
-                Err("an outline has its place and direction: place and heading_deg are of a file")
-            }
-            (None, Some(_)) if height_m.as_ref().is_some_and(is_height) => Ok(()),
-            (None, Some(_)) => Err("an outline needs height_m in metres, up to 2000"),
-            _ => Err("an [[add]] has a file or an outline"),
-        }
-    }
-}
-
-/// Objects that are removed.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RemoveTable {
-    /// Identifiers of buildings.
-    #[serde(default)]
-    ids: Vec<String>,
-    /// Buildings that pass a filter.
-    filter: Option<String>,
-    /// All that stands in the polygons of a GeoJSON file.
-    polygon: Option<PathBuf>,
-}
+/// How far around what is added ground is looked for, where objects are removed.
+const AROUND_GROUND_M: f64 = 50.0;
+pub(super) const NOTHING_REMOVED: &str =
+    "it changes nothing: no building passes its filters, and nothing stands in its polygons";
 
 /// What is changed, on the map.
-pub(super) struct Change {
-    title: String,
-    /// Models and outlines, with what is known of their bases.
-    added: Vec<(Addition, Base)>,
-    ids: BTreeSet<String>,
-    numbers: RoaringBitmap,
-    areas: Vec<Polygon>,
+pub struct ProposedChange {
+    pub(super) added: Vec<AddedShape>,
+    /// Identifiers of buildings that are removed.
+    pub(super) ids: BTreeSet<String>,
+    /// Objects that pass the filters.
+    pub(super) numbers: RoaringBitmap,
+    /// What stands there is removed.
+    pub(super) areas: Vec<Polygon>,
+}
+
+/// A model or a block.
+pub(super) struct AddedShape {
+    /// Name of its file.
+    pub(super) name: String,
+    /// At height 0, unless its base is known.
+    addition: Addition,
+    base: Base,
+    /// Of a block: from its base to its top. 0 for a model.
+    pub(super) height_m: f64,
 }
 
 /// What an addition stands on.
+#[derive(PartialEq)]
 enum Base {
     /// Heights are right.
     Known,
@@ -119,45 +56,16 @@ enum Base {
 }
 
 impl Proposal {
-    /// Reads a file. Fails with what is wrong in it.
-    pub(super) fn read(path: &Path) -> Result<Self, CommandError> {
-        let wrong = |reason: String| CommandError::Usage(format!("--proposal {}: {reason}", path.display()));
-        let text = read_text(path, MAX_BYTES).map_err(|error| wrong(error.to_string()))?;
-        let mut proposal: Self = toml::from_str(&text).map_err(|error| wrong(error.to_string()))?;
-        proposal.path = path.to_owned();
-        if proposal.add.is_empty() && proposal.remove.is_empty() {
-            return Err(wrong("it has neither an [[add]] nor a [[remove]]".to_owned()));
-        }
-        for added in &proposal.add {
-            added.check().map_err(|reason| wrong(reason.to_owned()))?;
-        }
-        if proposal.remove.iter().any(|r| r.ids.is_empty() && r.filter.is_none() && r.polygon.is_none()) {
-            return Err(wrong("a [[remove]] has ids, a filter or a polygon".to_owned()));
-        }
-        Ok(proposal)
-    }
-
-    /// The files that it names.
-    pub(super) fn files(&self) -> Vec<PathBuf> {
-        let added = self.add.iter().flat_map(|added| added.file.iter().chain(&added.outline));
-        added.chain(self.remove.iter().flat_map(|removed| &removed.polygon)).map(|file| self.beside(file)).collect()
-    }
-
-    fn beside(&self, file: &Path) -> PathBuf {
-        self.path.parent().unwrap_or(Path::new("")).join(file)
-    }
-
-    fn wrong(&self, reason: &str) -> CommandError {
-        CommandError::Usage(format!("--proposal {}: {reason}", self.path.display()))
-    }
-
     /// Reads the models, outlines and filters. Fails if one cannot be read, or has no place in the city.
-    pub(super) fn change(&self, source: &dyn ExportSource, place: Option<&EarthPlace>) -> Result<Change, CommandError> {
+    pub fn change(
+        &self,
+        source: &dyn ExportSource,
+        place: Option<&EarthPlace>,
+    ) -> Result<ProposedChange, ProposalError> {
         let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-        let option = format!("--proposal {}:", self.path.display());
-        let polygons = |file: &Path| read_polygons(&option, &self.beside(file), city, place);
-        let mut change = Change {
-            title: self.title.clone(),
+        let polygons =
+            |file: &Path| read_polygons(&self.beside(file), city, place).map_err(|reason| self.wrong(&reason));
+        let mut change = ProposedChange {
             added: Vec::new(),
             ids: BTreeSet::new(),
             numbers: RoaringBitmap::new(),
@@ -167,10 +75,12 @@ impl Proposal {
             if let Some(file) = &added.file {
                 change.added.push(self.model(added, &self.beside(file), source, place)?);
             }
-            for outline in added.outline.iter().map(|file| polygons(file)).collect::<Result<Vec<_>, _>>()?.concat() {
-                let top_m = added.base_m.unwrap_or(0.0) + added.height_m.unwrap_or(0.0);
+            let Some(file) = &added.outline else { continue };
+            let height_m = added.height_m.unwrap_or(0.0);
+            for outline in polygons(file)? {
+                let addition = Addition::Block { outline, top_m: added.base_m.unwrap_or(0.0) + height_m };
                 let base = if added.base_m.is_some() { Base::Known } else { Base::Along };
-                change.added.push((Addition::Block { outline, top_m }, base));
+                change.added.push(AddedShape { name: name_of(file), addition, base, height_m });
             }
         }
         for removed in &self.remove {
@@ -194,7 +104,7 @@ impl Proposal {
         file: &Path,
         source: &dyn ExportSource,
         place: Option<&EarthPlace>,
-    ) -> Result<(Addition, Base), CommandError> {
+    ) -> Result<AddedShape, ProposalError> {
         let wrong = |reason: &str| self.wrong(&format!("{}: {reason}", file.display()));
         let degrees = added.place.as_ref().and_then(|place| Some([*place.first()?, *place.get(1)?]));
         let on_map = match degrees {
@@ -234,101 +144,107 @@ impl Proposal {
             None if lies_at_zero => Base::Along,
             _ => Base::Known,
         };
-        Ok((Addition::Model(triangles), base))
+        Ok(AddedShape { name: name_of(file), addition: Addition::Model(triangles), base, height_m: 0.0 })
     }
 }
 
-impl Change {
+impl ProposedChange {
     /// The rectangle on the map in which something is changed; `None` if it is known only with the city's objects.
-    pub(super) fn area(&self) -> Option<[[f64; 2]; 2]> {
+    pub fn area(&self) -> Option<[[f64; 2]; 2]> {
         if !self.ids.is_empty() || !self.numbers.is_empty() {
             return None;
         }
-        let added = self.added.iter().flat_map(|(addition, _)| places_of(addition));
-        let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        let bounds = added.chain(self.areas.iter().flatten().flatten().copied()).fold(nothing, |[low, high], place| {
-            [[0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k]))]
-        });
-        (bounds[0][0] <= bounds[1][0]).then_some(bounds)
+        let added = self.added.iter().flat_map(AddedShape::places);
+        around(added.chain(self.areas.iter().flatten().flatten().copied()))
     }
 
     /// The surface after the change. Fails if a building is not there, or if an addition has no ground below it.
-    pub(super) fn after(&self, proposal: &Proposal, surface: &CitySurface) -> Result<CitySurface, CommandError> {
+    pub fn after(&self, proposal: &Proposal, surface: &CitySurface) -> Result<CitySurface, ProposalError> {
         let known: BTreeSet<&str> = surface.buildings.iter().map(|building| &building.identifier[..]).collect();
         if let Some(id) = self.ids.iter().find(|id| !known.contains(&id[..])) {
             return Err(proposal.wrong(&format!("there is no building {id} in the city, or in the area of --bbox")));
         }
-        let is_removed =
-            |building: &Building| self.ids.contains(&building.identifier) || self.numbers.contains(building.number);
-        let cleared = surface.without_objects(&is_removed, &self.areas);
-        let no_ground = || proposal.wrong("there is no ground of the city below what is added");
-        let mut additions = Vec::new();
-        for (addition, base) in &self.added {
-            let mut addition = addition.clone();
-            let base_m = match (base, &addition) {
-                (Base::At(place), _) => cleared.ground_at(*place).ok_or_else(no_ground)?,
-                (Base::Along, addition) => {
-                    let places = places_of(addition).into_iter();
-                    let ground = places.filter_map(|place| cleared.ground_at(place));
-                    ground.reduce(f64::min).ok_or_else(no_ground)?
-                }
-                (Base::Known, _) => 0.0,
-            };
-            match &mut addition {
-                Addition::Model(triangles) => triangles.iter_mut().flatten().for_each(|corner| corner[2] += base_m),
-                Addition::Block { top_m, .. } => *top_m += base_m,
-            }
-            additions.push(addition);
-        }
-        let after = cleared.with_additions(&additions);
+        let cleared = self.cleared(surface);
+        let after = cleared.with_additions(&self.additions(proposal, &cleared)?);
         if after.changes_from(surface).is_none() {
             return Err(proposal.wrong(match self.added.is_empty() {
-                true => "it changes nothing: no building passes its filters, and nothing stands in its polygons",
+                true => NOTHING_REMOVED,
                 false => "it changes nothing: the additions lie below existing objects, or outside the area",
             }));
         }
         Ok(after)
     }
 
-    /// What an answer after the change is beside one before it.
-    pub(super) fn between(
-        &self,
-        what: Analysis,
-        [before, after]: [&CitySurface; 2],
-        earlier: &Answer,
-        later: Answer,
-    ) -> Answer {
-        let [before, after] = [(before, earlier), (after, &later)].map(|(surface, answer)| SurfaceValues {
-            surface,
-            tops: &answer.tops,
-            points: &answer.points,
-            walls: &answer.walls,
-        });
-        let (tops, points, walls) = change(before, after);
-        let name = if self.title.is_empty() { "proposal" } else { &self.title };
-        let mut notes = later.notes;
-        let meaning = match what {
-            Analysis::Shadow => "1 is new shadow, and -1 shadow that goes",
-            Analysis::View => "1 is newly seen, and -1 no longer",
-            _ => "what is below 0 is lost",
+    /// The surface without what is removed.
+    fn cleared(&self, surface: &CitySurface) -> CitySurface {
+        let is_removed =
+            |building: &Building| self.ids.contains(&building.identifier) || self.numbers.contains(building.number);
+        surface.without_objects(&is_removed, &self.areas)
+    }
+
+    /// What is added, on the ground of a surface. Fails if an addition has no ground below it.
+    fn additions(&self, proposal: &Proposal, cleared: &CitySurface) -> Result<Vec<Addition>, ProposalError> {
+        let on_ground = |shape: &AddedShape| -> Result<Addition, ProposalError> {
+            let base_m = match &shape.base {
+                Base::At(place) => cleared.ground_at(*place),
+                Base::Along => {
+                    let ground = shape.places().into_iter().filter_map(|place| cleared.ground_at(place));
+                    ground.reduce(f64::min)
+                }
+                Base::Known => Some(0.0),
+            };
+            let no_ground = || proposal.wrong("there is no ground of the city below what is added");
+            Ok(shape.raised(base_m.ok_or_else(no_ground)?))
         };
-        notes.push(format!("{name}: values are changes, after less before, up to {AROUND_M} m around it; {meaning}"));
-        Answer {
-            tops,
-            points,
-            walls,
-            asked: None,
-            title: format!("change of {} by {name}", later.title),
-            notes,
-            ..later
-        }
+        self.added.iter().map(on_ground).collect()
+    }
+
+    /// The same, on the ground of a city after the change. Fails if an addition has no ground below it, or if tiles cannot be read.
+    pub(super) fn additions_in(
+        &self,
+        proposal: &Proposal,
+        source: &dyn ExportSource,
+    ) -> Result<Vec<Addition>, ProposalError> {
+        let on_ground = self.added.iter().filter(|shape| shape.base != Base::Known);
+        let Some([low, high]) = around(on_ground.flat_map(AddedShape::places)) else {
+            return Ok(self.added.iter().map(|shape| shape.raised(0.0)).collect());
+        };
+        let area = [low.map(|v| v - AROUND_GROUND_M), high.map(|v| v + AROUND_GROUND_M)];
+        let surface = CitySurface::read(source, Some(area)).map_err(|error| proposal.wrong(&error.to_string()))?;
+        self.additions(proposal, &self.cleared(&surface))
     }
 }
 
-/// The corners on the map.
-fn places_of(addition: &Addition) -> Vec<[f64; 2]> {
-    match addition {
-        Addition::Model(triangles) => triangles.iter().flatten().map(|[x, y, _]| [*x, *y]).collect(),
-        Addition::Block { outline, .. } => outline.concat(),
+impl AddedShape {
+    /// The corners on the map.
+    pub(super) fn places(&self) -> Vec<[f64; 2]> {
+        match &self.addition {
+            Addition::Model(triangles) => triangles.iter().flatten().map(|[x, y, _]| [*x, *y]).collect(),
+            Addition::Block { outline, .. } => outline.concat(),
+        }
     }
+
+    /// Some metres higher.
+    fn raised(&self, by_m: f64) -> Addition {
+        let mut addition = self.addition.clone();
+        match &mut addition {
+            Addition::Model(triangles) => triangles.iter_mut().flatten().for_each(|corner| corner[2] += by_m),
+            Addition::Block { top_m, .. } => *top_m += by_m,
+        }
+        addition
+    }
+}
+
+/// A file's name without its end.
+fn name_of(file: &Path) -> String {
+    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The rectangle around places; `None` without any.
+fn around(places: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
+    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    let bounds = places.fold(nothing, |[low, high], place| {
+        [[0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k]))]
+    });
+    (bounds[0][0] <= bounds[1][0]).then_some(bounds)
 }

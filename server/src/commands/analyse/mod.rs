@@ -14,6 +14,7 @@ mod vista;
 use super::error::CommandError;
 use crate::{
     args::{AnalyseArgs, Analysis},
+    proposal::Proposal,
     store::{CityStore, StoredCity, StoredObjects},
 };
 use checks::{check_options, check_outputs};
@@ -22,7 +23,7 @@ use insula_analysis::{sky::sky_view, solar::solar_year, sun::Site, surface::City
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
 use progress::AnalysisProgress;
-use proposal::{AROUND_M, Change, Proposal};
+use proposal::{AROUND_M, between};
 use std::path::PathBuf;
 
 /// Heights above the ground at which walls look at the sky: an eye.
@@ -108,7 +109,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
     let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new() };
     let mut changed = None;
-    if let (Some(proposal), Some(change)) = (&proposal, change) {
+    if let (Some(proposal), Some(change)) = (&proposal, &change) {
         let after = change.after(proposal, &surface)?;
         if let (None, Some(where_changed)) = (area, after.changes_from(&surface)) {
             question.extent = CellExtent::of(manifest, Some(grown(where_changed, AROUND_M))).map_err(failed)?;
@@ -116,7 +117,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
         if args.pdf.is_some() {
             question.added = after.borders_of_added(&surface, question.extent);
         }
-        changed = Some((change, after));
+        changed = Some((proposal, after));
     }
     for (moment, files) in &times {
         let site = question.site()?;
@@ -141,14 +142,14 @@ fn grown([min, max]: [[f64; 2]; 2], metres: f64) -> [[f64; 2]; 2] {
 fn beside(
     what: Analysis,
     surface: &mut CitySurface,
-    changed: Option<&mut (Change, CitySurface)>,
+    changed: Option<&mut (&Proposal, CitySurface)>,
     ask: impl Fn(&mut CitySurface) -> Result<Answer, CommandError>,
 ) -> Result<Answer, CommandError> {
     let answer = ask(surface)?;
     match changed {
-        Some((change, after)) => {
+        Some((proposal, after)) => {
             let later = ask(after)?;
-            Ok(change.between(what, [surface, after], &answer, later))
+            Ok(between(proposal, what, [surface, after], &answer, later))
         }
         None => Ok(answer),
     }

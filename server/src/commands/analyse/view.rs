@@ -1,11 +1,7 @@
 //! View sheds: of a place, and of a planned building.
 
-use super::{
-    super::{area_file::read_polygons, error::CommandError},
-    Answer, EYE_M,
-    vista::vista,
-};
-use crate::args::AnalyseArgs;
+use super::{super::error::CommandError, Answer, EYE_M, vista::vista};
+use crate::{area_file::read_polygons, args::AnalyseArgs};
 use insula_analysis::{
     surface::CitySurface,
     view_shed::{seen_from, share_seen},
@@ -59,7 +55,8 @@ fn view_of(
     place: Option<&EarthPlace>,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Answer, CommandError> {
-    let polygons = read_polygons("--of", path, surface.bounds(), place)?;
+    let polygons = read_polygons(path, surface.bounds(), place);
+    let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--of {reason}")))?;
     let wrong = |reason: &str| CommandError::Usage(format!("--of {}: {reason}", path.display()));
     let [polygon] = &polygons[..] else { return Err(wrong("more than one polygon")) };
     let outline = polygon.first().map(Vec::as_slice).unwrap_or_default();

@@ -1,9 +1,7 @@
 //! Protected vistas of a GeoJSON file, and what breaks into them.
 
-use super::{
-    super::{area_file::bring_to_map, error::CommandError},
-    Answer,
-};
+use super::{super::error::CommandError, Answer};
+use crate::area_file::bring_to_map;
 use insula_analysis::{
     surface::CitySurface,
     vista::{Vista, breaches, write_table},
