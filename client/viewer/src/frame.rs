@@ -103,9 +103,10 @@ pub struct FrameData {
     pub frame: FrameUniform,
     /// Entries of the grid of nodes.
     pub grid: Vec<[u32; 2]>,
-    /// Nodes: one for each entry of the draw list, another for its old source while it cross-fades, and shadow casters.
+    /// Nodes: one for each entry of the draw list, another for its old source while it cross-fades, shadow casters, and what is added to
+    /// the city.
     pub nodes: Vec<DrawNode>,
-    /// The entries of the draw list that the hits of `nodes` count for.
+    /// The entries of the draw list that the hits of `nodes` count for; those of what is added count for none.
     pub query: OcclusionQuery,
     /// Largest screen-space error that is visible, in pixels.
     pub error_px: f64,
@@ -151,7 +152,7 @@ impl FrameData {
         }
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
-        let list = NodeList::new(&inputs, tree, cache, view);
+        let mut list = NodeList::new(&inputs, tree, cache, view);
         if list.weight > 0.0 {
             frame.light.set_albedo_log2((list.albedo_log2 / list.weight) as f32);
         }
@@ -166,6 +167,7 @@ impl FrameData {
         let mut builder = GridBuilder::default();
         let grid = builder.build_fading(&grid_frame, &list.ids, &list.fade_rays, &list.nodes);
         grid.head.write(&mut frame);
+        frame.additions = cache.add_nodes(&mut list.nodes, view.camera.position);
         Self {
             frame,
             grid: grid.entries.clone(),

@@ -8,6 +8,7 @@
 //! A frame passes through [`select`] -> [`streamer`] (request, receive) -> [`cache`] (pages) -> [`frame`] (arrays for the
 //! ray-caster).
 
+pub mod additions;
 pub mod cache;
 pub mod camera;
 pub mod camera_text;

@@ -6,6 +6,7 @@
 //! The memory is allocated once and never exceeded. Tiles that the present frame uses are pinned; of the others, the least
 //! recently used is evicted first. The cache knows no GPU API.
 
+mod additions;
 mod pages;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,7 @@ use crate::{
     scene::TileKey,
     solids::{ColumnSolids, MeshSolids},
 };
+use additions::ResidentAdditions;
 use insula_protocol::{BlockMap, TileId, mesh::Mesh, mesh_tile::LandmarkObject};
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
@@ -156,6 +158,7 @@ pub struct AtlasCache {
     shore: Option<Shore>,
     /// The resident palettes: their objects, by their first words.
     palettes: BTreeMap<u32, Vec<u32>>,
+    additions: ResidentAdditions,
 }
 
 /// Slots that tiles in `pages` pages can ever need: a V-BlockMap takes at least [`PLANES`] pages.
@@ -183,6 +186,7 @@ impl AtlasCache {
             has_landmarks: false,
             shore: None,
             palettes: BTreeMap::new(),
+            additions: ResidentAdditions::default(),
         }
     }
 
@@ -274,16 +278,20 @@ impl AtlasCache {
                 (CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids), objects)
             }
         };
-        let palette = objects.as_ref().map(|objects| objects.palette);
-        if let Some(PackedObjects { list, palette }) = objects {
-            if self.has_styles {
-                upload.write_words(palette, &self.styles.words(&list));
-            }
-            self.palettes.insert(palette, list);
-        }
+        let palette = self.keep_palette(objects, upload);
         self.entries.put(key, CacheEntry { item, pages, slot, palette, last_frame: self.frame });
         self.peak_pages = self.peak_pages.max(self.pages.used());
         InsertResult::Inserted { evicted }
+    }
+
+    /// Keeps the objects of a tile or addition whose pages were written. Returns the first word of its palette, if it has one.
+    fn keep_palette(&mut self, objects: Option<PackedObjects>, upload: &mut impl Upload) -> Option<u32> {
+        let PackedObjects { list, palette } = objects?;
+        if self.has_styles {
+            upload.write_words(palette, &self.styles.words(&list));
+        }
+        self.palettes.insert(palette, list);
+        Some(palette)
     }
 
     /// The object whose word in a palette has this address, as a frame with [`Shading::Objects`] gives it.

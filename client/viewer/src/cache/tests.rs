@@ -1,6 +1,8 @@
 //! The cache with an atlas in plain memory.
 
 use super::*;
+use crate::additions::{AddedObject, AdditionError, FIRST_ADDED, pack};
+use glam::DVec3;
 use insula_protocol::{
     BlockMap, Texel,
     blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows},
@@ -170,4 +172,28 @@ fn pages_and_slots_fit_the_given_bytes() {
     assert!(u64::from(pages_for(256 * mib)) * PAGE_BYTES <= 256 * mib);
     assert!(pages_for(256 * mib) > 16_000);
     assert_eq!(slots_for(37), 9);
+}
+
+#[test]
+fn additions_stay_and_are_drawn_while_they_are_shown() {
+    let (mut cache, mut atlas) = (AtlasCache::new(8), FakeAtlas::default());
+    let triangle = [[0.0, 0.0, 5.0], [9.0, 0.0, 5.0], [0.0, 9.0, 65.0]];
+    let object = AddedObject { name: String::new(), triangles: vec![triangle] };
+    let packed = pack(&[object]).unwrap();
+    cache.set_additions(packed.clone(), &mut atlas).unwrap();
+    assert_eq!((cache.capacity_pages(), cache.tile_pages(), cache.free_pages()), (8, 6, 6));
+    let mut nodes = Vec::new();
+    assert_eq!(cache.add_nodes(&mut nodes, DVec3::new(0.0, 0.0, 100.0)), [0, 1]);
+    assert_eq!((nodes[0].mesh_z_m, nodes[0].z_hi), (-95.0, 60.0));
+    let palette = *cache.palettes.keys().next().unwrap();
+    for x in 0..9 {
+        cache.begin_frame();
+        let key = TileKey::mesh(TileId::new(10, x, 0).unwrap(), 0);
+        assert!(matches!(cache.insert(key, mesh(2), &mut atlas), InsertResult::Inserted { .. }));
+    }
+    assert_eq!(cache.object_at(palette), Some(FIRST_ADDED));
+    cache.show_additions(false);
+    assert_eq!((cache.add_nodes(&mut nodes, DVec3::ZERO), nodes.len()), ([0, 0], 1));
+    let refused = AtlasCache::new(3).set_additions(packed, &mut atlas);
+    assert_eq!(refused, Err(AdditionError::TooLarge { needed_mib: 1 }));
 }

@@ -2,6 +2,7 @@
 
 use super::{MadeMaps, adapter_info::AdapterInfo};
 use crate::{
+    additions::MAX_ADDED_MESHES,
     cache::{PAGE_BYTES, Upload, slots_for},
     frame::FrameData,
     select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
@@ -86,7 +87,7 @@ impl GpuAdapter {
     pub async fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
         let pages = pages.min(((device.storage_bytes / PAGE_BYTES) as u32).saturating_sub(MAP_PAGES));
         let slots = slots_for(pages);
-        let nodes = slots + 2 * MAX_FADING as u32;
+        let nodes = slots + (2 * MAX_FADING + MAX_ADDED_MESHES) as u32;
         let capacity = Capacity { atlas_pages: pages + MAP_PAGES, slots, nodes };
         let validation = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);

@@ -24,6 +24,7 @@ mod tile_store;
 mod upload_queue;
 
 use crate::{
+    additions::{AdditionError, PackedAddition},
     cache::{Upload, slots_for},
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
@@ -136,9 +137,26 @@ impl<F: TileFetcher> Streamer<F> {
         self.tiles.tree.set_stone(number, stone);
     }
 
+    /// See [`AtlasCache::set_additions`](crate::cache::AtlasCache::set_additions).
+    pub fn set_additions(
+        &mut self,
+        additions: Vec<PackedAddition>,
+        upload: &mut impl Upload,
+    ) -> Result<(), AdditionError> {
+        self.tiles.cache.set_additions(additions, upload)
+    }
+
+    /// Shows or hides what is added, from the next frame on. What its rays hit is not known yet.
+    pub fn show_additions(&mut self, are_shown: bool) {
+        self.tiles.cache.show_additions(are_shown);
+        self.generation += 1;
+        self.lookahead.reset();
+        self.has_news = true;
+    }
+
     /// The view of a request seen from `camera`, with this cache's budget.
     pub fn view(&self, request: &FrameRequest, camera: Camera) -> View {
-        let pages = f64::from(self.tiles.cache.capacity_pages()) * BUDGET_SHARE;
+        let pages = f64::from(self.tiles.cache.tile_pages()) * BUDGET_SHARE;
         View {
             camera,
             width_px: request.size_px[0],
@@ -294,7 +312,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Selects the shadow casters of the last selection, within the budget that it leaves.
     fn select_shadow_casters(&mut self, view: &View) {
         let stats = &self.selection.stats;
-        let capacity = self.tiles.cache.capacity_pages();
+        let capacity = self.tiles.cache.tile_pages();
         let budget_pages = (capacity - capacity / SHADOW_RESERVE).saturating_sub(stats.pages);
         let budget_nodes = slots_for(capacity).saturating_sub(stats.visited);
         let view = View { budget_pages, budget_nodes, tau_px: stats.tau_px, ..*view };

@@ -91,7 +91,7 @@ impl TileStore {
 
     /// Pages that prefetching may fill.
     pub(super) fn spare_pages(&self) -> u32 {
-        let reserved = (SPARE_SHARE * f64::from(self.cache.capacity_pages())) as u32;
+        let reserved = (SPARE_SHARE * f64::from(self.cache.tile_pages())) as u32;
         self.cache.free_pages().saturating_sub(reserved).saturating_sub(self.uploads.pages())
     }
 }
