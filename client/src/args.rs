@@ -115,6 +115,9 @@ pub struct ViewArgs {
     /// the city].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<PathBuf>,
+    /// Show the city with a proposal: a TOML file of models and blocks that are added, and of objects that are removed.
+    #[arg(long, value_name = "FILE.toml")]
+    pub proposal: Option<PathBuf>,
     /// Fly along a camera path repeatedly, and print frame times and memory use.
     #[arg(long, value_name = "PATH.json")]
     pub path: Option<PathBuf>,
@@ -232,6 +235,9 @@ pub struct SnapshotArgs {
     pub objects_json: Option<PathBuf>,
     #[command(flatten)]
     pub styles: ObjectStyleArgs,
+    /// Show the city with a proposal: a TOML file of models and blocks that are added, and of objects that are removed.
+    #[arg(long, value_name = "FILE.toml")]
+    pub proposal: Option<PathBuf>,
     /// Draw the legend of the colours into the image.
     #[arg(long, requires = "color_by")]
     pub legend: bool,

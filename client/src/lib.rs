@@ -7,7 +7,7 @@
 //! ```text
 //! commands -> viewpoint -> session
 //! commands -> ui -> picture -> session -> report -> render -> error
-//!                                      -> objects -> stream -> error
+//!                                      -> objects -> proposal, stream -> error
 //! ```
 //!
 //! Only `stream` uses the network. Only `render` and `ui` name wgpu.
@@ -21,6 +21,7 @@ pub mod image_files;
 mod language;
 pub mod objects;
 pub mod picture;
+pub mod proposal;
 pub mod render;
 pub mod report;
 pub mod session;

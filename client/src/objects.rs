@@ -3,6 +3,7 @@
 use crate::{
     error::{ClientError, Result},
     language,
+    proposal::AddedObjects,
     stream::fetch::Http,
 };
 use insula_objects::{Schema, search::SearchHit};
@@ -19,6 +20,8 @@ use std::sync::Arc;
 pub struct ObjectLookup {
     http: Arc<Http>,
     objects: CityObjects,
+    /// Those that a proposal adds.
+    added: AddedObjects,
 }
 
 /// What is asked of the objects on the command line.
@@ -83,7 +86,12 @@ impl ObjectLookup {
         let place = source.location().to_owned();
         let opened = http.block_on(CityObjects::open(source, origin)).map_err(|error| fetch_error(&place, &error))?;
         let missing = || ClientError::Failed(format!("{place}: the city has no objects: bake it again"));
-        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)? })
+        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)?, added: AddedObjects::default() })
+    }
+
+    /// The same objects, and those that a proposal adds.
+    pub(crate) fn with_added(self, added: AddedObjects) -> Self {
+        Self { added, ..self }
     }
 
     /// The attributes of all objects.
@@ -99,12 +107,18 @@ impl ObjectLookup {
 
     /// An object with the names of its attributes. Fails if it cannot be fetched.
     pub fn describe(&self, id: u32) -> Result<Option<ObjectDescription>> {
+        if let Some(added) = self.added.describe(id) {
+            return Ok(Some(added));
+        }
         let found = self.http.block_on(self.objects.describe(id));
         found.map_err(|error| fetch_error(&format!("object {id}"), &error))
     }
 
     /// The same, with the attributes of its parent where it has none of its own. Fails as [`Self::describe`] does.
     pub fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectDescription>> {
+        if let Some(added) = self.added.describe(id) {
+            return Ok(Some(added));
+        }
         let found = self.http.block_on(self.objects.describe_with_parent(id));
         found.map_err(|error| fetch_error(&format!("object {id}"), &error))
     }

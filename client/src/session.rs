@@ -5,6 +5,7 @@
 use crate::{
     error::{ClientError, Result},
     objects::ObjectLookup,
+    proposal::ShownProposal,
     render::{Adapter, AdapterInfo, OpenedAdapter},
     report::{FlightSample, FrameTimes, RunReport},
     stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
@@ -79,6 +80,7 @@ pub struct Session {
     address: String,
     /// Where attributes come from.
     object_source: Option<(Arc<Http>, Arc<dyn TileSource>)>,
+    proposal: Option<ShownProposal>,
 }
 
 impl Session {
@@ -131,6 +133,7 @@ impl Session {
             requested_tau_px: 1.0,
             address: String::new(),
             object_source: None,
+            proposal: None,
         }
     }
 
@@ -144,6 +147,28 @@ impl Session {
         Self { object_source: Some((http, source)), ..self }
     }
 
+    /// The same session of a city with a proposal. To be called before the first frame. Fails if the cache has no room for what it adds.
+    pub fn with_proposal(mut self, proposal: Option<ShownProposal>) -> Result<Self> {
+        let Some(mut proposal) = proposal else { return Ok(self) };
+        let added = self.streamer.set_additions(proposal.take_meshes(), &mut self.adapter);
+        added.map_err(|error| ClientError::Usage(format!("--proposal: {error}")))?;
+        self.proposal = Some(proposal);
+        self.set_styles(ObjectStyles::default());
+        Ok(self)
+    }
+
+    /// The proposal, if there is one.
+    pub fn proposal(&self) -> Option<&ShownProposal> {
+        self.proposal.as_ref()
+    }
+
+    /// Shows the city with the proposal, or as it is, from the next frame on.
+    pub fn show_proposal(&mut self, is_shown: bool) {
+        self.proposal.iter_mut().for_each(|proposal| proposal.set_shown(is_shown));
+        self.streamer.show_additions(is_shown);
+        self.set_styles(self.cache().styles().clone());
+    }
+
     /// Opens the objects of the city. Fails if it has none, or if they cannot be fetched.
     pub fn open_objects(&self) -> Result<ObjectLookup> {
         self.object_opener()()
@@ -152,10 +177,11 @@ impl Session {
     /// What opens the objects of the city, on any thread. Fails as [`Self::open_objects`] does.
     pub fn object_opener(&self) -> impl Fn() -> Result<ObjectLookup> + Send + use<> {
         let (source, origin) = (self.object_source.clone(), self.tree().manifest().origin);
+        let added = self.proposal.as_ref().map(ShownProposal::objects).unwrap_or_default();
         move || {
             let (http, source) =
                 source.clone().ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
-            ObjectLookup::open(&http, source, origin)
+            Ok(ObjectLookup::open(&http, source, origin)?.with_added(added.clone()))
         }
     }
 
@@ -165,7 +191,8 @@ impl Session {
     }
 
     /// Draws objects in another way from the next frame on.
-    pub fn set_styles(&mut self, styles: ObjectStyles) {
+    pub fn set_styles(&mut self, mut styles: ObjectStyles) {
+        self.proposal.iter().for_each(|proposal| proposal.hide_removed(&mut styles));
         self.streamer.set_styles(styles, &mut self.adapter);
     }
 

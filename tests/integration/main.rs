@@ -29,6 +29,7 @@ mod mesh_cracks;
 mod node_error;
 mod office;
 mod packets;
+mod proposals;
 mod qgis;
 mod random_commands;
 mod scripts;
@@ -57,7 +58,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 42] = [
+const MODULES: [(&str, Add); 44] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -97,6 +98,7 @@ const MODULES: [(&str, Add); 42] = [
     ("command_line", command_line::add),
     ("analyse", analyse::add),
     ("changes", changes::add),
+    ("proposals", proposals::add),
     ("fuzz_targets", fuzz_targets::add),
     ("dependencies", dependencies::add),
     ("structure", structure::add),

@@ -57,7 +57,7 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
         }
     }
     let server = serve(&bake_cached(&job, &cache, None)?)?;
-    let mut session = open_session(&server.url, global, None, None)?;
+    let mut session = open_session(&server.url, global, None, None, None)?;
     let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
     let camera = Camera::overview(session.tree().manifest(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };

@@ -1,6 +1,7 @@
 //! `insula draw`: a city as vector shapes.
 
 use super::{
+    city_tiles::fetch_tile,
     connect::connect,
     embedded::{BakeJob, CacheRoot, bake_cached, cache_key},
     open::{is_address, is_baked},
@@ -11,11 +12,10 @@ use crate::{
     error::{ClientError, Result},
     language,
     objects::warn_of_range,
-    stream::{city::OpenedCity, fetch::Http, jitter::jitter},
+    stream::fetch::Http,
 };
-use bytes::Bytes;
 use insula_analysis::eye::lifted_eye_z;
-use insula_archive::{ReadError, file};
+use insula_archive::file;
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
 use insula_command_line::{
     camera::inside_note,
@@ -39,14 +39,12 @@ use insula_objects::{
     filter::{Filter, NONE_PASSES},
 };
 use insula_protocol::{
-    Manifest, TileId, TileKind,
+    Manifest,
     text::{count, human_bytes, printable},
 };
 use insula_server::store::{CityStore, ReadTileFn, StoredCity};
 use insula_viewer::{
     camera::CameraFile,
-    scene::{TileKey, tile::retry_delay},
-    source::FetchError,
     sun::{Daylight, SunOptions},
 };
 use std::{
@@ -55,8 +53,6 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-/// A tile of a city at an address is given up after so many failures.
-const MAX_ATTEMPTS: u8 = 5;
 /// Larger stylesheets are refused.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
@@ -136,22 +132,6 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
     let bytes = write_drawing(&drawing, format, &args.out).map_err(|error| failed(&error))?;
     report(&drawing, args, bytes);
     Ok(())
-}
-
-/// Fetches a tile of a city at an address, and asks again where that may help; `None` if there is no such tile.
-fn fetch_tile(http: &Http, city: &OpenedCity, kind: TileKind, place: TileId) -> Result<Option<Bytes>, ReadError> {
-    let Some(key) = TileKey::in_archive(kind, place, city.manifest.depth) else { return Ok(None) };
-    for attempt in 1.. {
-        let wait = match http.block_on(city.source.tile(key)) {
-            Ok(bytes) => return Ok(Some(bytes)),
-            Err(FetchError::Missing) => return Ok(None),
-            Err(FetchError::Unusable(reason)) => return Err(ReadError::Unusable(reason)),
-            Err(error) if attempt == MAX_ATTEMPTS => return Err(ReadError::Failed(error.to_string())),
-            Err(error) => retry_delay(attempt, error.retry_after(), jitter()),
-        };
-        std::thread::sleep(wait);
-    }
-    Ok(None)
 }
 
 fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {

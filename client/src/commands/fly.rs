@@ -45,7 +45,7 @@ pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let path = read_path(&args.path)?;
     let first = frame_request(&path, args, global, 0.0)?;
     let http = Http::with_options(simulated_link(args), global.http_options())?;
-    let mut session = open_session(args.place.place(), global, Some(http), Some(&first))?;
+    let mut session = open_session(args.place.place(), global, Some(http), Some(&first), None)?;
     let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let settings = daylight.render_settings(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
@@ -207,7 +207,7 @@ impl Flight<'_> {
     /// The frame with all its tiles, from a separate session with a large cache and without the simulated network.
     fn converged_frame(&self, request: &FrameRequest) -> Result<Pixels> {
         let global = GlobalArgs { cache_mib: self.global.cache_mib.max(COMPARE_CACHE_MIB), ..self.global.clone() };
-        let mut session = open_session(self.args.place.place(), &global, None, Some(request))?;
+        let mut session = open_session(self.args.place.place(), &global, None, Some(request), None)?;
         settle(&mut session, &FrameRequest { heading: None, ..*request }, self.timeout())?;
         session.draw(request, &self.settings)
     }

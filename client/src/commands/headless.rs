@@ -1,6 +1,6 @@
 //! Sessions without a window, for `snapshot`, `fly` and `demo`.
 
-use super::connect::connect;
+use super::{connect::connect, proposal};
 use crate::{
     args::GlobalArgs,
     error::Result,
@@ -33,13 +33,14 @@ pub(super) const INITIAL_REQUESTS: usize = 12;
 /// Longest wait for an arrival before retries are checked.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Connects to the city at `place` and opens a session. The tiles of `first` are fetched while the adapter is being opened.
-/// Fails if the city or the adapter cannot be opened.
+/// Connects to the city at `place` and opens a session, with the proposal of a file. The tiles of `first` are fetched while the adapter is
+/// being opened. Fails if the city, the proposal or the adapter cannot be opened.
 pub fn open_session(
     place: impl AsRef<OsStr>,
     global: &GlobalArgs,
     http: Option<Http>,
     first: Option<&FrameRequest>,
+    proposal: Option<&Path>,
 ) -> Result<Session> {
     let started = Instant::now();
     let (choice, cache_bytes) = (global.adapter, u64::from(global.cache_mib) << 20);
@@ -49,11 +50,12 @@ pub fn open_session(
         Some(http) => http,
         None => Http::with_options(None, global.http_options())?,
     });
-    let city = connect(&http, place, global)?;
+    let mut city = connect(&http, place, global)?;
+    let proposal = proposal::open(proposal, &http, &mut city)?;
     let downloads = BackgroundFetcher::downloads(Arc::clone(&http), Arc::clone(&city.source), INITIAL_REQUESTS, None);
     let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
     let session = Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)?;
-    Ok(session.with_address(city.address).with_objects(http, city.source))
+    session.with_address(city.address).with_objects(http, city.source).with_proposal(proposal)
 }
 
 /// An image file to write.

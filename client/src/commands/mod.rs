@@ -1,5 +1,7 @@
-//! The commands of `insula`, one module each, and what they share (`connect`, `headless`, `embedded`).
+//! The commands of `insula`, one module each, and what they share (`connect`, `headless`, `proposal`, `embedded`).
 
+#[cfg(feature = "embedded")]
+mod city_tiles;
 pub mod connect;
 #[cfg(feature = "embedded")]
 mod demo;
@@ -11,6 +13,7 @@ mod fly;
 pub mod headless;
 #[cfg(feature = "embedded")]
 mod open;
+mod proposal;
 mod snapshot;
 mod view;
 

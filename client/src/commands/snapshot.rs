@@ -1,6 +1,9 @@
 //! `insula snapshot`: renders one view at full quality.
 
-use super::headless::{PictureFile, open_session, render_to_file, settle_with_progress};
+use super::{
+    headless::{PictureFile, open_session, render_to_file, settle_with_progress},
+    proposal,
+};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
     error::{ClientError, Result},
@@ -35,12 +38,12 @@ use std::{
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
-    check_outputs(args).map_err(ClientError::Usage)?;
+    check_outputs(args, &proposal::files(args.proposal.as_deref())?).map_err(ClientError::Usage)?;
     let link = ViewLink::parse(args.place.place())?;
     let (switching, tau_px) = args.switch.switching(global.tau).map_err(ClientError::Usage)?;
     let request = |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px, switching };
     let given = given_camera(&args.viewpoint, link.camera)?.map(request);
-    let mut session = open_session(args.place.place(), global, None, given.as_ref())?;
+    let mut session = open_session(args.place.place(), global, None, given.as_ref(), args.proposal.as_deref())?;
     let request = match given {
         Some(given) => given,
         None => request(camera_in(&args.viewpoint, session.tree().manifest(), args.size)?),
@@ -116,10 +119,11 @@ fn outside(
     Ok(request)
 }
 
-/// Fails if a file would overwrite anything but an earlier one.
-fn check_outputs(args: &SnapshotArgs) -> std::result::Result<(), String> {
+/// Fails if a file would overwrite anything but an earlier one. `proposal` has the files of a proposal.
+fn check_outputs(args: &SnapshotArgs, proposal: &[PathBuf]) -> std::result::Result<(), String> {
     let inputs = [Some(Path::new(args.place.place())), args.viewpoint.camera.as_deref()];
-    let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
+    let inputs = inputs.into_iter().flatten().chain(proposal.iter().map(PathBuf::as_path));
+    let mut outputs = Outputs::new(args.overwrite).reading(inputs);
     outputs.file(&args.out, picture_kind(&args.out))?;
     for path in [&args.distance, &args.radiance].into_iter().flatten() {
         outputs.file(path, FileKind::PFM)?;

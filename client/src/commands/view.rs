@@ -5,6 +5,7 @@ use super::embedded::{BakeJob, CacheRoot, find_baked};
 use super::{
     connect::{FindPlace, connect},
     headless::{INITIAL_REQUESTS, settle},
+    proposal,
 };
 use crate::{
     args::{GlobalArgs, ViewArgs},
@@ -46,6 +47,7 @@ const PREVIEW_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
 pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
+    proposal::files(args.proposal.as_deref())?;
     let link = ViewLink::parse(args.place.place())?;
     let first = FirstView {
         status: StartStatus::new(format!("connecting to {}", link.location)),
@@ -112,9 +114,11 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
     let has_meshes = !global.no_meshes;
     let connector = Arc::new(CityConnector { find, http, global, status: options.status.clone() });
     let previews = connector.clone();
+    let proposal = args.proposal.clone();
     let preview: PreviewFn = Arc::new(move |name| previews.preview(name).ok());
     let connect: ConnectFn = Arc::new(move |name| {
-        let (city, http, wake) = (connector.connect(name)?, connector.http.clone(), wake.clone());
+        let (mut city, http, wake) = (connector.connect(name)?, connector.http.clone(), wake.clone());
+        let proposal = proposal::open(proposal.as_deref(), &http, &mut city)?;
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let open_session = move |adapter| {
             let source = Arc::clone(&city.source);
@@ -122,7 +126,7 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
             let tree = SceneTree::new(city.manifest).with_meshes(has_meshes);
             let mut session = Session::new(tree, downloads, adapter, started).with_objects(http, city.source);
             session.set_transitions(has_transitions);
-            session
+            session.with_proposal(proposal)
         };
         Ok(ConnectedCity { manifest, address, open_session: Box::new(open_session) })
     });

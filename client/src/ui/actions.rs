@@ -4,7 +4,7 @@ use super::{
     bookmarks::ViewAction, city_view::CityView, key_bindings::KeyAction, overlay::has_room,
     path_recording::PathRecorder, settings::UserSettings, view_link::format_link, window::ViewerWindow,
 };
-use crate::camera_files::write_new;
+use crate::{camera_files::write_new, proposal::ShownProposal};
 use glam::DVec3;
 use insula_viewer::{camera::CameraFile, camera_text};
 use serde::Serialize;
@@ -48,6 +48,7 @@ impl CityView {
             KeyAction::ToggleSearch => self.search.is_open = !self.search.is_open,
             KeyAction::ToggleStyles => self.styles.toggle(),
             KeyAction::ToggleStones => self.stones.is_open = !self.stones.is_open,
+            KeyAction::ToggleProposal => self.toggle_proposal(),
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
             KeyAction::ToggleSliders if !has_room(window.size().map(|side| side as f32).into()) => {
                 self.show_message("no room for the sliders: enlarge the window".to_owned());
@@ -101,6 +102,13 @@ impl CityView {
         settings.time = Some(self.display.daylight.time_text());
     }
 
+    fn toggle_proposal(&mut self) {
+        match self.session.proposal().map(ShownProposal::is_shown) {
+            Some(is_shown) => self.session.show_proposal(!is_shown),
+            None => self.show_message("there is no proposal: open one by insula view --proposal".to_owned()),
+        }
+    }
+
     fn toggle_shadows(&mut self, settings: &mut UserSettings) {
         let daylight = &mut self.display.daylight;
         daylight.shadows = !daylight.shadows;
@@ -141,6 +149,7 @@ impl CityView {
             }
             ViewAction::NorthUp => self.control.turn_north(),
             ViewAction::SavePicture => self.save_picture(window),
+            ViewAction::ToggleProposal => self.toggle_proposal(),
         }
         window.window.request_redraw();
     }

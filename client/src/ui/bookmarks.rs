@@ -34,6 +34,8 @@ pub enum ViewAction {
     NorthUp,
     /// Save a picture of the chosen size.
     SavePicture,
+    /// Show the city with the proposal, or as it is.
+    ToggleProposal,
 }
 
 /// State of the panel.

@@ -31,8 +31,8 @@ pub enum ViewerEvent {
     Preview(String, Option<Box<CityPreview>>),
 }
 
-/// Opens a session with an adapter.
-pub type OpenSessionFn = Box<dyn FnOnce(OpenedAdapter) -> Session + Send>;
+/// Opens a session with an adapter. Fails if the adapter has no room for what a proposal adds.
+pub type OpenSessionFn = Box<dyn FnOnce(OpenedAdapter) -> Result<Session> + Send>;
 
 /// A city that was connected to.
 pub struct ConnectedCity {

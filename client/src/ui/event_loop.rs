@@ -170,7 +170,11 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
                 }
             }
             ViewerEvent::Connected(outcome) => match *outcome {
-                Ok(city) => self.open_city(city),
+                Ok(city) => {
+                    if let Err(error) = self.open_city(city) {
+                        return self.fail(event_loop, error);
+                    }
+                }
                 Err(error) => self.not_connected(error),
             },
             ViewerEvent::Preview(name, preview) => {
@@ -253,8 +257,9 @@ impl ViewerApp {
         self.connector.failed(error);
     }
 
-    fn open_city(&mut self, city: ConnectedCity) {
-        let Some(window) = &mut self.window else { return };
+    /// Fails if no session can be opened.
+    fn open_city(&mut self, city: ConnectedCity) -> Result<()> {
+        let Some(window) = &mut self.window else { return Ok(()) };
         self.connector.error = None;
         let mut sun = self.options.sun;
         if sun.time.is_none() && sun.bearing.is_none() {
@@ -265,7 +270,7 @@ impl ViewerApp {
         window.window.set_title(&format!("{} - Insula", printable(&city.manifest.title)));
         let setup = CityViewSetup {
             daylight: Daylight::new(&sun, &city.manifest),
-            session: (city.open_session)(window.take_adapter()),
+            session: (city.open_session)(window.take_adapter())?,
             address: city.address,
             camera: self.options.camera,
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
@@ -275,7 +280,7 @@ impl ViewerApp {
             playback: self.options.playback.take(),
             open_again: Arc::new({
                 let connect = self.connector.connect_again();
-                move |adapter| Ok((connect()?.open_session)(adapter))
+                move |adapter| (connect()?.open_session)(adapter)
             }),
             cache_bytes: self.options.cache_bytes,
         };
@@ -290,6 +295,7 @@ impl ViewerApp {
             view.show_message(note);
         }
         self.viewport = Some(Box::new(Viewport::new(view)));
+        Ok(())
     }
 
     /// Writes the settings. A failure is only reported.

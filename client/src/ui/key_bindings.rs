@@ -48,6 +48,8 @@ pub enum KeyAction {
     ToggleStyles,
     /// Show or hide the sliders of stones.
     ToggleStones,
+    /// Show the city with the proposal, or as it is.
+    ToggleProposal,
     /// Show or hide the sliders.
     ToggleSliders,
     /// Show or hide the developer counters.
@@ -58,7 +60,7 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 33] = [
+pub const HELP: [(&str, &str); 34] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
@@ -70,6 +72,7 @@ pub const HELP: [(&str, &str); 33] = [
     ("/", "search names, addresses and identifiers"),
     ("G", "colours and filter of objects by their attributes"),
     ("J", "stones of landmarks, with sliders"),
+    ("Y", "with a proposal: the city before and after"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
@@ -177,6 +180,7 @@ pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
         KeyCode::Slash => KeyAction::ToggleSearch,
         KeyCode::KeyG => KeyAction::ToggleStyles,
         KeyCode::KeyJ => KeyAction::ToggleStones,
+        KeyCode::KeyY => KeyAction::ToggleProposal,
         KeyCode::Backspace => KeyAction::UndoPoint,
         KeyCode::KeyT => KeyAction::ToggleDay,
         KeyCode::KeyO => KeyAction::ToggleSliders,
@@ -252,8 +256,9 @@ mod tests {
             ("help", KeyAction::ToggleHelp),
             ("escape", KeyAction::EndInnermost),
         ];
-        // Stones, the map, paths, counts of rays and full screen: the page has no such panels, or the browser has the key.
-        const ONLY_HERE: [KeyCode; 5] = [KeyCode::KeyJ, KeyCode::KeyN, KeyCode::KeyR, KeyCode::KeyK, KeyCode::F11];
+        // Stones, proposals, the map, paths, counts of rays and full screen: the page has no such panels, or the browser has the key.
+        const ONLY_HERE: [KeyCode; 6] =
+            [KeyCode::KeyJ, KeyCode::KeyY, KeyCode::KeyN, KeyCode::KeyR, KeyCode::KeyK, KeyCode::F11];
         let table = include_str!("../../web/page/key-table.js");
         let (_, actions) = table.split_once("VIEW_KEYS").unwrap();
         let of_page: std::collections::BTreeMap<&str, &str> = actions

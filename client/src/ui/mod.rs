@@ -28,6 +28,7 @@ pub mod picture_size;
 pub mod pointer_readout;
 mod process_memory;
 pub mod projection;
+mod proposal_panel;
 pub mod scale_bar;
 mod search_panel;
 pub mod settings;

@@ -42,6 +42,8 @@ pub struct PictureOrder {
     pub settings: RenderSettings,
     /// How objects are drawn.
     pub styles: ObjectStyles,
+    /// Whether a proposal is shown.
+    pub shows_proposal: bool,
     /// Whether the window uses the CPU ray-caster.
     pub on_cpu: bool,
     /// Size of the window's cache.
@@ -106,6 +108,7 @@ fn draw(order: &PictureOrder, open: &OpenAgainFn, state: &JobState, wake: &dyn F
     let is_cancelled = || state.is_cancelled.load(Ordering::Relaxed);
     let mut session = open(open_adapter(order)?)?;
     session.set_transitions(false);
+    session.show_proposal(order.shows_proposal);
     session.set_styles(order.styles.clone());
     session.set_sun(order.settings.shadow_casting_sun());
     let feedback_px = order.request.size_px.map(|side| side.min(MAX_FEEDBACK_PX));

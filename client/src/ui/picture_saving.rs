@@ -6,7 +6,7 @@ use super::{
     view_link::format_link,
     window::ViewerWindow,
 };
-use crate::{error::Result, image_files::PictureNotes, picture::draw_whole, render::Adapter};
+use crate::{error::Result, image_files::PictureNotes, picture::draw_whole, proposal::ShownProposal, render::Adapter};
 use insula_viewer::{
     frame::{RenderSettings, STILL_SAMPLES},
     streamer::FrameRequest,
@@ -30,6 +30,7 @@ impl CityView {
             request,
             notes,
             styles: self.session.cache().styles().clone(),
+            shows_proposal: self.session.proposal().is_some_and(ShownProposal::is_shown),
             settings: self.picture_settings(),
             on_cpu: matches!(self.session.adapter(), Adapter::Cpu(_)),
             cache_bytes: self.cache_bytes,

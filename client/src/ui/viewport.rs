@@ -8,13 +8,14 @@ use super::{
     measure_view, minimap,
     overlay::{self, DisplayOptions, OverlayTexts, panel},
     picture_job::PictureJob,
+    proposal_panel,
     settings::UserSettings,
     stream_status::{loading_text, status_text},
     view_log::ViewLog,
     window::{OverlayLayout, ViewerWindow},
     window_surface::SceneFrame,
 };
-use crate::{error::Result, render::Adapter, session::PrefetchStep};
+use crate::{error::Result, proposal::ShownProposal, render::Adapter, session::PrefetchStep};
 use egui::Align2;
 use insula_shaders::{
     cpu::stepped::{FrameProgress, SteppedFrame},
@@ -76,6 +77,8 @@ struct ViewState {
     styles: u64,
     /// Number of changes of the stones.
     stones: u64,
+    /// Whether the proposal is shown, if there is one.
+    proposal: Option<bool>,
 }
 
 /// A frame that is to be presented.
@@ -310,7 +313,7 @@ impl Viewport {
 
     /// Compares the view with that of the last frame. If it differs, the scene is redrawn.
     fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
-        let CityView { control, display, pacer, counts_rays, objects, styles, stones, .. } = &mut self.city;
+        let CityView { session, control, display, pacer, counts_rays, objects, styles, stones, .. } = &mut self.city;
         let view = ViewState {
             camera: control.camera(),
             size_px: window.surface.size_px(),
@@ -321,6 +324,7 @@ impl Viewport {
             selection: objects.generation(),
             styles: styles.generation(),
             stones: stones.generation(),
+            proposal: session.proposal().map(ShownProposal::is_shown),
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
@@ -428,7 +432,7 @@ impl Viewport {
         let layout = window.lay_out(|ctx| {
             box_view::paint(session, &request, display.shading, ctx);
             measure_view::paint(measure, &ctx.layer_painter(egui::LayerId::background()), &view, ctx.content_rect());
-            action = overlay::show(ctx, &texts, display).or(action);
+            action = overlay::show(ctx, &texts, display).or(proposal_panel::show(ctx, session)).or(action);
             if furniture::show(ctx, &furniture) {
                 action = Some(ViewAction::NorthUp);
             }

@@ -1,0 +1,162 @@
+//! `insula snapshot --proposal`: what is added is seen and throws shadows, and what is removed is not there.
+
+use crate::command_line::call;
+use insula_tests::{pfm::Pfm, tests, trials::Trials};
+use insula_viewer::additions::FIRST_ADDED;
+use serde_json::{Value, json};
+use std::{ffi::OsStr, fs, path::Path};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        blocks_are_seen_and_removed_buildings_are_not,
+        models_stand_at_their_places,
+        proposals_that_do_not_fit_are_refused
+    ]);
+}
+
+/// From the south, with the house before the sheds.
+const CAMERA: &str = r#"{"position":[85010,446880,70],"target":[85010,447010,10],"up":[0,0,1],"fov_y_deg":50}"#;
+const TOWER: &str = "title = \"Tower\"\n[[add]]\noutline = \"tower.geojson\"\nheight_m = 40\n";
+
+/// A folder with the city of a house and of two sheds, the outline of a tower beside the house, and a camera.
+fn baked_city() -> tempfile::TempDir {
+    let polygon = |[x0, y0, x1, y1]: [u32; 4]| json!({ "type": "Polygon", "coordinates": [[[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]] });
+    let building = |height: u32, corners: [u32; 4]| json!({ "type": "Feature", "properties": { "height": height }, "geometry": polygon(corners) });
+    let features = [
+        building(9, [85_000, 447_000, 85_020, 447_012]),
+        building(3, [84_930, 446_930, 84_934, 446_934]),
+        building(3, [85_080, 447_080, 85_084, 447_084]),
+    ];
+    let crs = json!({ "type": "name", "properties": { "name": "EPSG:28992" } });
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in [
+        ("houses.geojson", json!({ "type": "FeatureCollection", "crs": crs, "features": features }).to_string()),
+        ("tower.geojson", polygon([85_030, 446_990, 85_040, 447_000]).to_string()),
+        ("site.geojson", polygon([84_995, 446_995, 85_025, 447_015]).to_string()),
+        ("away.geojson", polygon([86_030, 446_990, 86_040, 447_000]).to_string()),
+        ("tower.toml", TOWER.to_owned()),
+        ("camera.json", CAMERA.to_owned()),
+    ] {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    let bake = "bake houses.geojson --cell 1 --no-street-sets --no-picture --out city".split(' ').map(OsStr::new);
+    assert_eq!(call("insula-server", folder.path(), &bake.collect::<Vec<_>>()), (Some(0), String::new()));
+    folder
+}
+
+/// Takes a picture with further arguments, whose light, distances and objects are beside it.
+fn snapshot(folder: &Path, name: &str, more: &str) -> (Option<i32>, String) {
+    let line = format!(
+        "snapshot city --size 120x90 --adapter cpu --camera camera.json --sun 180,35 --out {name}.png --distance {name}.pfm \
+         --radiance {name}-light.pfm --objects {name}.bin --objects-json {name}.json{more}"
+    );
+    call("insula", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
+}
+
+/// The object of each pixel.
+fn objects(folder: &Path, name: &str) -> Vec<u32> {
+    let bytes = fs::read(folder.join(format!("{name}.bin"))).unwrap();
+    bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+}
+
+/// The number of an object in a picture's list.
+fn number(folder: &Path, name: &str, identifier: &str) -> Option<u32> {
+    let list: Value = serde_json::from_slice(&fs::read(folder.join(format!("{name}.json"))).unwrap()).unwrap();
+    let found = list.as_array().unwrap().iter().find(|object| object["identifier"] == identifier)?;
+    Some(found["id"].as_u64().unwrap() as u32)
+}
+
+fn distances(folder: &Path, name: &str) -> Vec<f32> {
+    Pfm::read(&folder.join(format!("{name}.pfm"))).unwrap().values
+}
+
+/// The light of each pixel, red, green and blue together, row by row from the top.
+fn light(folder: &Path, name: &str) -> Vec<f32> {
+    let bytes = fs::read(folder.join(format!("{name}-light.pfm"))).unwrap();
+    let data = &bytes[bytes.len() - 120 * 90 * 12..];
+    let words = data.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect::<Vec<_>>();
+    let rows = words.chunks_exact(120 * 3).rev();
+    rows.flat_map(|row| row.chunks_exact(3).map(|rgb| rgb.iter().sum())).collect()
+}
+
+fn blocks_are_seen_and_removed_buildings_are_not() {
+    let folder = baked_city();
+    let folder = folder.path();
+    for name in ["plain", "again"] {
+        assert_eq!(snapshot(folder, name, "").0, Some(0));
+    }
+    let bytes = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert_eq!(bytes("plain.png"), bytes("again.png"));
+    let house = number(folder, "plain", "feature 1").unwrap();
+    let plain = objects(folder, "plain");
+    let count = |objects: &[u32], of: u32| objects.iter().filter(|object| **object == of).count();
+    assert!(count(&plain, house) > 100);
+
+    let (code, text) = snapshot(folder, "tower", " --proposal tower.toml");
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(number(folder, "tower", "tower"), Some(FIRST_ADDED));
+    let tower = objects(folder, "tower");
+    let is_tower = |pixel: usize| tower[pixel] == FIRST_ADDED;
+    assert!(count(&tower, FIRST_ADDED) > 100 && count(&tower, house) > 100);
+    // Where the tower is seen, it is nearer than what was seen before; nearly all else stays where it is.
+    let (before, after) = (distances(folder, "plain"), distances(folder, "tower"));
+    assert!((0..plain.len()).filter(|pixel| is_tower(*pixel)).all(|pixel| after[pixel] < before[pixel]));
+    let moved = (0..plain.len()).filter(|pixel| !is_tower(*pixel) && after[*pixel] != before[*pixel]).count();
+    assert!(moved <= plain.len() / 100, "{moved}");
+    // The ground behind it is in its shadow.
+    let (lit, shaded) = (light(folder, "plain"), light(folder, "tower"));
+    let is_darker = |pixel: &usize| !is_tower(*pixel) && shaded[*pixel] < 0.8 * lit[*pixel];
+    assert!((0..plain.len()).filter(is_darker).count() > 10);
+
+    for (name, remove) in [
+        ("id", "ids = [\"feature 1\"]"),
+        ("filter", "filter = \"height > 5\""),
+        ("polygon", "polygon = \"site.geojson\""),
+    ] {
+        fs::write(folder.join("gone.toml"), format!("[[remove]]\n{remove}\n")).unwrap();
+        let (code, text) = snapshot(folder, name, " --proposal gone.toml");
+        assert_eq!(code, Some(0), "{name}: {text}");
+        let (gone, after) = (objects(folder, name), distances(folder, name));
+        assert_eq!(count(&gone, house), 0, "{name}");
+        let is_covered = |pixel: &usize| plain[*pixel] == house && after[*pixel] <= before[*pixel];
+        let covered = (0..plain.len()).filter(is_covered).count();
+        assert!(covered <= plain.len() / 200, "{name}: the ground is behind the house: {covered}");
+    }
+}
+
+fn models_stand_at_their_places() {
+    let folder = baked_city();
+    let folder = folder.path();
+    // The roof of a kiosk over the middle of the house, 15 m above the ground at its place.
+    let corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]].map(|[x, y]| format!("v {x} {y} 15\n")).concat();
+    fs::write(folder.join("kiosk.obj"), corners + "f 1 2 3 4\n").unwrap();
+    fs::write(folder.join("kiosk.toml"), "[[add]]\nfile = \"kiosk.obj\"\nplace = [4.36783, 52.00686]\n").unwrap();
+    let (code, text) = snapshot(folder, "kiosk", " --proposal kiosk.toml");
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(number(folder, "kiosk", "kiosk"), Some(FIRST_ADDED));
+}
+
+fn proposals_that_do_not_fit_are_refused() {
+    let folder = baked_city();
+    let folder = folder.path();
+    for (text, expected) in [
+        ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
+        ("[[add]]\nfile = \"camera.json\"\n", "camera.json"),
+        ("[[add]]\noutline = \"away.geojson\"\nheight_m = 9\n", "outside of the city"),
+        ("[[add]]\noutline = \"none.geojson\"\nheight_m = 9\n", "none.geojson"),
+        ("[[remove]]\nids = [\"nobody\"]\n", "nobody"),
+        ("[[remove]]\nfilter = \"height > 300\"\n", "changes nothing"),
+        ("height = 3\n", "unknown field"),
+    ] {
+        fs::write(folder.join("wrong.toml"), text).unwrap();
+        let (code, error) = snapshot(folder, "wrong", " --proposal wrong.toml");
+        assert!(code == Some(2) && error.contains(expected), "{text}: {code:?} {error}");
+        assert!(!folder.join("wrong.png").exists());
+    }
+    let (code, error) = snapshot(folder, "wrong", " --proposal missing.toml");
+    assert!(code == Some(2) && error.contains("missing.toml"), "{error}");
+    // A window says the same before it opens.
+    let line = ["view", "city", "--proposal", "missing.toml"].map(OsStr::new);
+    let (code, error) = call("insula", folder, &line);
+    assert!(code == Some(2) && error.contains("missing.toml"), "{error}");
+}
