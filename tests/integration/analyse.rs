@@ -313,6 +313,21 @@ fn proposals_say_what_they_change() {
     let sky = rows(&folder.join("sky.csv"));
     let house = sky.iter().find(|row| row[1] == "feature 1").unwrap();
     assert!(house[4].parse::<f64>().unwrap() < -0.01, "{sky:?}");
+    // Rays at points meet the tower, and no longer the shed.
+    fs::write(folder.join("points.csv"), "id,x,y,height\nshed,85082,447082,1\nnorth,85010,446982,1\n").unwrap();
+    let at_points = "sun --rule rule.toml --points points.csv --out";
+    assert_eq!(analyse(folder, &format!("{at_points} before.csv")), ok());
+    assert_eq!(analyse(folder, &format!("{at_points} after.csv --proposal tower.toml")), ok());
+    let [before, after] = ["before.csv", "after.csv"].map(|name| fs::read_to_string(folder.join(name)).unwrap());
+    assert_ne!(before.lines().nth(1), after.lines().nth(1), "the point is on the ground where the shed was");
+    assert_ne!(before.lines().nth(2), after.lines().nth(2), "the tower hides the sun");
+    fs::write(folder.join("from.csv"), "id,x,y,height\neye,85010,446960,2\n").unwrap();
+    fs::write(folder.join("to.csv"), "id,x,y,height\nend,85010,446990,2\n").unwrap();
+    let line = "view --between from.csv to.csv --out";
+    assert_eq!(analyse(folder, &format!("{line} free.csv")), ok());
+    assert_eq!(analyse(folder, &format!("{line} hidden.csv --proposal tower.toml")), ok());
+    let visible = ["free.csv", "hidden.csv"].map(|name| rows(&folder.join(name))[0][3].clone());
+    assert_eq!(visible, ["yes", "no"]);
     for (text, expected) in [
         ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
         ("[[add]]\noutline = \"tower.geojson\"\n", "height_m"),

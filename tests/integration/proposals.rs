@@ -47,7 +47,7 @@ fn baked_city() -> tempfile::TempDir {
 /// Takes a picture with further arguments, whose light, distances and objects are beside it.
 fn snapshot(folder: &Path, name: &str, more: &str) -> (Option<i32>, String) {
     let line = format!(
-        "snapshot city --size 120x90 --adapter cpu --camera camera.json --sun 180,35 --out {name}.png --distance {name}.pfm \
+        "snapshot city --size 200x150 --adapter cpu --camera camera.json --sun 180,35 --out {name}.png --distance {name}.pfm \
          --radiance {name}-light.pfm --objects {name}.bin --objects-json {name}.json{more}"
     );
     call("insula", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
@@ -73,9 +73,9 @@ fn distances(folder: &Path, name: &str) -> Vec<f32> {
 /// The light of each pixel, red, green and blue together, row by row from the top.
 fn light(folder: &Path, name: &str) -> Vec<f32> {
     let bytes = fs::read(folder.join(format!("{name}-light.pfm"))).unwrap();
-    let data = &bytes[bytes.len() - 120 * 90 * 12..];
+    let data = &bytes[bytes.len() - 200 * 150 * 12..];
     let words = data.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect::<Vec<_>>();
-    let rows = words.chunks_exact(120 * 3).rev();
+    let rows = words.chunks_exact(200 * 3).rev();
     rows.flat_map(|row| row.chunks_exact(3).map(|rgb| rgb.iter().sum())).collect()
 }
 

@@ -57,6 +57,20 @@ impl CityTriangles {
         Ok(Self::new(triangles, objects, origin))
     }
 
+    /// The triangles without those of some objects, and with others in world metres, which belong to none.
+    #[must_use]
+    pub fn changed(self, is_removed: &dyn Fn(u32) -> bool, added: &[[[f64; 3]; 3]]) -> Self {
+        let (origin, known) = (self.origin, self.triangles.into_iter().zip(self.objects));
+        let (mut triangles, mut objects): (Vec<Triangle>, Vec<u32>) =
+            known.filter(|(_, object)| !is_removed(*object)).unzip();
+        triangles.extend(added.iter().map(|corners| {
+            let [v0, v1, v2] = corners.map(|corner| (DVec3::from(corner) - origin).as_vec3a());
+            Triangle { v0, v1, v2 }
+        }));
+        objects.resize(triangles.len(), NO_OBJECT);
+        Self::new(triangles, objects, origin)
+    }
+
     fn new(triangles: Vec<Triangle>, objects: Vec<u32>, origin: DVec3) -> Self {
         let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         let corners = triangles.iter().flat_map(|triangle| [triangle.v0.z, triangle.v1.z, triangle.v2.z]);
@@ -142,6 +156,21 @@ pub(crate) mod tests {
             [Triangle { v0: a, v1: b, v2: c }, Triangle { v0: a, v1: c, v2: d }]
         });
         CityTriangles::new(triangles.collect(), vec![object; 12], DVec3::ZERO)
+    }
+
+    #[test]
+    fn a_change_has_no_triangles_of_what_is_removed_and_those_that_are_added() {
+        let house = block([0.0; 3], [10.0, 10.0, 9.0], 7);
+        let roof = [[20.0, 0.0, 30.0], [30.0, 0.0, 30.0], [20.0, 10.0, 30.0]];
+        let tops = |city: &CityTriangles| {
+            [[5.0, 5.0], [22.0, 2.0]].map(|place| city.top(place).map(|top| (100.0 * top).round() as i64))
+        };
+        let with = house.changed(&|_| false, &[roof]);
+        assert_eq!(tops(&with), [Some(900), Some(3000)]);
+        let without = with.changed(&|object| object == 7, &[]);
+        assert_eq!(tops(&without), [None, Some(3000)]);
+        let (_, object) = without.first(DVec3::new(22.0, 2.0, 40.0), -DVec3::Z).unwrap();
+        assert_eq!(object, NO_OBJECT);
     }
 
     #[test]

@@ -176,7 +176,7 @@ impl ProposedChange {
     }
 
     /// The surface without what is removed.
-    fn cleared(&self, surface: &CitySurface) -> CitySurface {
+    pub fn cleared(&self, surface: &CitySurface) -> CitySurface {
         let is_removed =
             |building: &Building| self.ids.contains(&building.identifier) || self.numbers.contains(building.number);
         surface.without_objects(&is_removed, &self.areas)

@@ -23,7 +23,7 @@ use insula_analysis::{sky::sky_view, solar::solar_year, sun::Site, surface::City
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
 use progress::AnalysisProgress;
-use proposal::{AROUND_M, between};
+use proposal::{AROUND_M, AfterProposal, between};
 use std::path::PathBuf;
 
 /// Heights above the ground at which walls look at the sky: an eye.
@@ -97,13 +97,15 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
     let area = args.area.world_box(|degrees| place.as_ref()?.box_on_map(degrees)).map_err(CommandError::Usage)?;
+    let change = proposal.as_ref().map(|proposal| proposal.change(&source, place.as_ref())).transpose()?;
+    let both = proposal.as_ref().zip(change.as_ref());
+    let after = || both.map(|(proposal, change)| AfterProposal::new(proposal, change, &source)).transpose();
     if let Some(points) = &args.points {
-        return sun::sun_at(args, points, &source, place.as_ref());
+        return sun::sun_at(args, points, &source, place.as_ref(), after()?.as_ref());
     }
     if let [from, to] = &args.between[..] {
-        return sight::between(args, [from, to], &source, place.as_ref());
+        return sight::between(args, [from, to], &source, place.as_ref(), after()?.as_ref());
     }
-    let change = proposal.as_ref().map(|proposal| proposal.change(&source, place.as_ref())).transpose()?;
     let area = area.or_else(|| Some(grown(change.as_ref()?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
     let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;

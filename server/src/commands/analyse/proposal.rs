@@ -1,11 +1,16 @@
 //! What an analysis says of the change by a proposal.
 
-use super::Answer;
-use crate::{args::Analysis, proposal::Proposal};
+use super::{super::error::CommandError, Answer};
+use crate::{
+    args::Analysis,
+    proposal::{Proposal, ProposedChange, ProposedObjects},
+};
 use insula_analysis::{
     proposal::{SurfaceValues, change},
+    rays::CityTriangles,
     surface::CitySurface,
 };
+use insula_export::source::ExportSource;
 
 /// How far around a proposal values are computed.
 pub(super) const AROUND_M: f64 = 500.0;
@@ -34,4 +39,40 @@ pub(super) fn between(
     };
     notes.push(format!("{name}: values are changes, after less before, up to {AROUND_M} m around it; {meaning}"));
     Answer { tops, points, walls, asked: None, title: format!("change of {} by {name}", later.title), notes, ..later }
+}
+
+/// What rays meet after a proposal.
+pub(super) struct AfterProposal<'a> {
+    proposal: &'a Proposal,
+    change: &'a ProposedChange,
+    objects: ProposedObjects,
+}
+
+impl<'a> AfterProposal<'a> {
+    /// Fails if something is added outside of the city, if a building that is removed is not there, or if the city cannot be read.
+    pub(super) fn new(
+        proposal: &'a Proposal,
+        change: &'a ProposedChange,
+        source: &dyn ExportSource,
+    ) -> Result<Self, CommandError> {
+        Ok(Self { proposal, change, objects: change.objects(proposal, source)? })
+    }
+
+    /// The triangles of the city after it.
+    pub(super) fn triangles(&self, city: CityTriangles) -> CityTriangles {
+        let ProposedObjects { added, removed } = &self.objects;
+        let added: Vec<[[f64; 3]; 3]> = added.iter().flat_map(|object| object.triangles.iter().copied()).collect();
+        // The numbers ascend.
+        city.changed(&|object| removed.binary_search(&object).is_ok(), &added)
+    }
+
+    /// The ground after it.
+    pub(super) fn ground(&self, surface: &CitySurface) -> CitySurface {
+        self.change.cleared(surface)
+    }
+
+    /// What the values mean.
+    pub(super) fn note(&self) -> String {
+        format!("{}: values are those after it", self.proposal.name())
+    }
 }

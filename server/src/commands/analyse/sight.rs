@@ -2,12 +2,12 @@
 
 use super::{
     super::{error::CommandError, output::print_result},
-    sun::{GROUND_M, ground_of, read_points},
+    proposal::AfterProposal,
+    sun::{city_at, read_points},
 };
 use crate::args::AnalyseArgs;
 use insula_analysis::{
     points::{Point, around},
-    rays::CityTriangles,
     sight::{MAX_LINES, sights, write_table},
 };
 use insula_archive::new_file::replace;
@@ -17,12 +17,14 @@ use insula_protocol::text::{count, printable};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Writes the lines from each point of a table to each of another one. Fails if the city cannot be read or the output not be written.
+/// Writes the lines from each point of a table to each of another one, in the city or in that after a proposal. Fails if the city cannot be
+/// read or the output not be written.
 pub(super) fn between(
     args: &AnalyseArgs,
     tables: [&PathBuf; 2],
     source: &dyn ExportSource,
     place: Option<&EarthPlace>,
+    after: Option<&AfterProposal<'_>>,
 ) -> Result<(), CommandError> {
     let [from, to] = tables.map(|path| read_points("--between", path, place));
     let (from, to) = (from?, to?);
@@ -33,8 +35,7 @@ pub(super) fn between(
     }
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
     let all: Vec<Point> = from.iter().chain(&to).cloned().collect();
-    let city = CityTriangles::read(source, around(&all, 1.0)).map_err(failed)?;
-    let ground = ground_of(source, &all, GROUND_M).map_err(failed)?;
+    let (city, ground) = city_at(source, &all, around(&all, 1.0), after).map_err(failed)?;
     let ends = |points| -> Vec<_> {
         let ends = |point| (point, Point::position(point, &city, ground.as_ref()));
         <[Point]>::iter(points).map(ends).collect()
@@ -49,6 +50,7 @@ pub(super) fn between(
     let beyond = lines.iter().filter(|line| line.is_none()).count();
     let mut text = format!("wrote {} ({})\n", printable(&args.out.display().to_string()), count(number as u64, "line"));
     text += &format!("{free} of them are free\n");
+    after.iter().for_each(|after| text += &format!("{}\n", printable(&after.note())));
     if beyond > 0 {
         let lines = count(beyond as u64, "line");
         text += &format!("{lines} with an end without a surface to measure its height from: beyond the city?\n");

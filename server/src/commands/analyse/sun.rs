@@ -4,6 +4,7 @@ use super::{
     super::{error::CommandError, output::print_result},
     Answer,
     files::summary,
+    proposal::AfterProposal,
     site_of,
 };
 use crate::args::{AnalyseArgs, Analysis};
@@ -29,7 +30,9 @@ use serde_json::json;
 use std::{io::Cursor, path::Path};
 
 /// How far around points the ground is read.
-pub(super) const GROUND_M: f64 = 20.0;
+const GROUND_M: f64 = 20.0;
+/// The same where a proposal may remove what stands on it.
+const CLEARED_GROUND_M: f64 = 100.0;
 /// Largest file of points.
 const MAX_POINTS_BYTES: u64 = 256 << 20;
 /// Most pictures of one run: each takes a second.
@@ -111,14 +114,22 @@ pub(super) fn read_points(option: &str, path: &Path, place: Option<&EarthPlace>)
     parse_points(&text, &|degrees| place?.on_map(degrees)).map_err(wrong)
 }
 
-/// The ground around points, if one of them needs it: a surface of the whole city takes long.
-pub(super) fn ground_of(
+/// The triangles of an area, and the ground around points if one of them needs it (a surface of the whole city takes long), in the city or in
+/// that after a proposal.
+pub(super) fn city_at(
     source: &dyn ExportSource,
     points: &[Point],
-    reach_m: f64,
-) -> Result<Option<CitySurface>, ExportError> {
+    area: [[f64; 2]; 2],
+    after: Option<&AfterProposal<'_>>,
+) -> Result<(CityTriangles, Option<CitySurface>), ExportError> {
+    let city = CityTriangles::read(source, area)?;
     let needs_ground = points.iter().any(|point| matches!(point.height, PointHeight::AboveTop(_)));
-    needs_ground.then(|| CitySurface::read(source, Some(around(points, reach_m)))).transpose()
+    let ground_m = if after.is_some() { CLEARED_GROUND_M } else { GROUND_M };
+    let ground = needs_ground.then(|| CitySurface::read(source, Some(around(points, ground_m)))).transpose()?;
+    Ok(match after {
+        Some(after) => (after.triangles(city), ground.map(|ground| after.ground(&ground))),
+        None => (city, ground),
+    })
 }
 
 /// The city and who must be named.
@@ -163,19 +174,19 @@ fn picture_name(number: usize, id: &str) -> String {
     format!("{number:04}-{id}.png")
 }
 
-/// Hours of sun at the points of a table.
+/// Hours of sun at the points of a table, in the city or in that after a proposal.
 pub(super) fn sun_at(
     args: &AnalyseArgs,
     path: &Path,
     source: &dyn ExportSource,
     place: Option<&EarthPlace>,
+    after: Option<&AfterProposal<'_>>,
 ) -> Result<(), CommandError> {
     let rule = rule(args)?;
     let points = read_points("--points", path, place)?;
     let site = site_of(source)?;
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
-    let city = CityTriangles::read(source, around(&points, args.reach)).map_err(failed)?;
-    let ground = ground_of(source, &points, GROUND_M).map_err(failed)?;
+    let (city, ground) = city_at(source, &points, around(&points, args.reach), after).map_err(failed)?;
     let suns = sun_at_points(&city, ground.as_ref(), &points, &site, &rule);
     let failed = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
     let mut bytes = Vec::new();
@@ -188,7 +199,9 @@ pub(super) fn sun_at(
         let number = write_pictures(&evidence, &points, &suns, folder)?;
         lines.push(format!("wrote {} to {}", count(number as u64, "picture"), folder.display()));
     }
-    lines.extend(notes_of(&rule));
+    let mut notes = notes_of(&rule);
+    notes.extend(after.map(AfterProposal::note));
+    lines.extend(notes.iter().cloned());
     let beyond = suns.iter().filter(|sun| sun.is_none()).count();
     if beyond > 0 {
         lines.push(format!(
@@ -206,7 +219,7 @@ pub(super) fn sun_at(
         "mean": values.mean(),
         "asked": rule.asked,
         "share_reaching": rule.asked.and_then(|_| values.share()),
-        "notes": notes_of(&rule),
+        "notes": notes,
     });
     print_result(args.json, &facts, &lines.iter().map(|line| format!("{}\n", printable(line))).collect::<String>());
     Ok(())
