@@ -90,6 +90,8 @@ pub const FADE_RAYS: u32 = 64;
 pub const MESH_FLAG: u32 = 256;
 /// In [`DrawNode::level`]: the finest level of detail of a mesh. Coarser ones follow.
 pub const MESH_LEVEL: u32 = 32;
+/// In [`DrawNode::level`]: a mesh that is added to the city. There are no columns of it to take ambient occlusion from: it stands in the open.
+pub const ADDED_LEVEL: u32 = 63;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
@@ -329,7 +331,8 @@ pub struct DrawNode {
     /// Atlas pages of the [`PLANES`] in 24 bits, and above them how far quarters lie below the node
     /// ([`DrawNode::pages_and_quarters`]).
     pub pages: [u32; 4],
-    /// Level of the node in the city, or [`MESH_LEVEL`] and the level of detail of its mesh, for [`Shading::Lod`].
+    /// Level of the node in the city, or [`MESH_LEVEL`] and the level of detail of its mesh, for [`Shading::Lod`]; or
+    /// [`ADDED_LEVEL`].
     pub level: u32,
     /// 1 + place of the head of its mesh in the atlas, in vec4s. 0: its columns are drawn.
     pub mesh: u32,

@@ -74,7 +74,13 @@ fn surface_light(index: u32, p: vec3<f32>, normal: vec3<f32>) -> SurfaceLight {
     }
     let nearest = clamp(vec2<i32>(floor(at + 0.5)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
     let walk = read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(nearest.y * NODE_CELLS + nearest.x));
-    return SurfaceLight(select(UNKNOWN_AO, sum / weights, weights > 0.0), (flags_of(walk) & REFLECTIVE) != 0u);
+    let sky = select(unknown_sky(index, normal.z), sum / weights, weights > 0.0);
+    return SurfaceLight(sky, (flags_of(walk) & REFLECTIVE) != 0u);
+}
+
+// Share of the sky of a surface where no column is near.
+fn unknown_sky(index: u32, upwards: f32) -> f32 {
+    return select(UNKNOWN_AO, 0.5 + 0.5 * upwards, nodes[index].level == ADDED_LEVEL);
 }
 
 // Whether the place in front of a surface is within a column's solid: rays that see the surface from behind look at it

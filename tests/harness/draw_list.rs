@@ -9,7 +9,7 @@ use insula_shaders::{
         render::render,
     },
     grid::{self, GridBuilder},
-    layout::{DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading},
+    layout::{ADDED_LEVEL, DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading},
     mesh::{PackedMesh, leaf_offset},
     pack::PackedNode,
 };
@@ -241,6 +241,7 @@ impl Scene<'_> {
         let moved = |node: &DrawNode| DrawNode {
             corner: std::array::from_fn(|k| node.corner[k] + by_m[k]),
             mesh_z_m: node.mesh_z_m + by_m[2],
+            level: ADDED_LEVEL,
             ..*node
         };
         let moved: Vec<DrawNode> = self.nodes.iter().filter(|node| node.mesh != 0).map(moved).collect();

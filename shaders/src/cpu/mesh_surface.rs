@@ -10,7 +10,7 @@ use super::{
     words::{ao_of, codes_per_row, flags_of, halves, is_open},
 };
 use crate::{
-    layout::{DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
+    layout::{ADDED_LEVEL, DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
     mesh::{LEAF_OFFSET_STEPS, LEVELS_MASK, TEXTURE_TILE_PX},
     pack::head_words,
     srgb::linear_of_srgb,
@@ -111,9 +111,14 @@ pub(super) fn surface_light(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal:
     let nearest = within((at + 0.5).floor().as_ivec2());
     let walk = ray.read_word(planes_of(node)[WALK_PLANE] + nearest.y as usize * NODE_CELLS + nearest.x as usize);
     SurfaceLight {
-        sky: if weights > 0.0 { sum / weights } else { UNKNOWN_AO },
+        sky: if weights > 0.0 { sum / weights } else { unknown_sky(node, normal.z) },
         is_reflective: flags_of(walk) & flag::REFLECTIVE != 0,
     }
+}
+
+/// Share of the sky of a surface where no column is near.
+fn unknown_sky(node: &DrawNode, upwards: f32) -> f32 {
+    if node.level == ADDED_LEVEL { 0.5 + 0.5 * upwards } else { UNKNOWN_AO }
 }
 
 /// Whether the place in front of a surface is within a column's solid: rays that see the surface from behind look at it

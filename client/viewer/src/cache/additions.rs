@@ -4,7 +4,7 @@ use super::{AtlasCache, CachedMesh, PAGE_BYTES, Upload, upload_mesh};
 use crate::additions::{AdditionError, PackedAddition};
 use bytemuck::Zeroable;
 use glam::DVec3;
-use insula_shaders::layout::{DrawNode, MESH_LEVEL, PAGE_WORDS};
+use insula_shaders::layout::{ADDED_LEVEL, DrawNode, PAGE_WORDS};
 
 /// The resident meshes of additions.
 #[derive(Debug, Default)]
@@ -74,7 +74,7 @@ impl AtlasCache {
                 z_lo: mesh.z_m[0],
                 z_hi: mesh.z_m[1],
                 pages: DrawNode::pages_and_quarters([*blank_page; 4], [0; 4]),
-                level: MESH_LEVEL,
+                level: ADDED_LEVEL,
                 mesh: 1 + mesh.head_page * (PAGE_WORDS / 4) as u32,
                 mesh_z_m: corner.z,
                 ..DrawNode::zeroed()

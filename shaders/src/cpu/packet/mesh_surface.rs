@@ -17,7 +17,7 @@ use crate::{
         ray::SceneRef,
         words::{codes_per_row, halves},
     },
-    layout::{DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
+    layout::{ADDED_LEVEL, DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
     mesh::LEAF_OFFSET_STEPS,
     pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
 };
@@ -202,7 +202,8 @@ impl<S: Simd> CoveredColumns<'_, S> {
         }
         let walk = self.read_plane(WALK_PLANE, self.number((at.x + 0.5).floor(), (at.y + 0.5).floor()));
         let reflective = has(simd, walk, u32::from(flag::REFLECTIVE) << FLAGS_SHIFT);
-        (weights.simd_gt(zero).select(sum / weights, splat(simd, UNKNOWN_AO)), reflective)
+        let unknown = if node.level == ADDED_LEVEL { normal.z * 0.5 + 0.5 } else { splat(simd, UNKNOWN_AO) };
+        (weights.simd_gt(zero).select(sum / weights, unknown), reflective)
     }
 
     /// Numbers of the columns nearest to some places.
