@@ -76,7 +76,7 @@ fn light(folder: &Path, name: &str) -> Vec<f32> {
     let data = &bytes[bytes.len() - 200 * 150 * 12..];
     let words = data.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect::<Vec<_>>();
     let rows = words.chunks_exact(200 * 3).rev();
-    rows.flat_map(|row| row.chunks_exact(3).map(|rgb| rgb.iter().sum())).collect()
+    rows.flat_map(|row| row.chunks_exact(3).map(|rgb| rgb.iter().sum::<f32>())).collect()
 }
 
 fn blocks_are_seen_and_removed_buildings_are_not() {
