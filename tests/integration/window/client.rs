@@ -72,13 +72,19 @@ impl Client {
     /// Starts `insula view ADDRESS` in `folder`, which has its settings too, and waits for the window. The screenshots lie in the
     /// folder `test`.
     pub(super) fn start(display: Display, test: &str, folder: &Path, address: &str) -> Result<Self> {
+        Self::start_with(display, test, folder, &[address])
+    }
+
+    /// The same with several arguments of `insula view`.
+    pub(super) fn start_with(display: Display, test: &str, folder: &Path, arguments: &[&str]) -> Result<Self> {
         let Display { adapter, scale } = display;
         let display = screen::display()?;
         // One pipe, so that the lines of both streams have an order.
         let (reader, writer) = std::io::pipe()?;
         let mut command = Command::new(program("insula")?);
         command
-            .args(["view", address, "--adapter", adapter])
+            .args(["view", "--adapter", adapter])
+            .args(arguments)
             .env("WINIT_X11_SCALE_FACTOR", scale.to_string())
             .current_dir(folder)
             .env("DISPLAY", &display)

@@ -13,7 +13,10 @@ use insula_client::{
     camera_files::read_path,
     ui::{settings::UserSettings, view_link::ViewLink},
 };
-use insula_tests::{fixtures, programs::ServerProcess};
+use insula_tests::{
+    fixtures,
+    programs::{ServerProcess, path_text},
+};
 use std::path::Path;
 
 const CPU: Display = Display { adapter: "cpu", scale: 1 };
@@ -68,6 +71,23 @@ pub(super) fn a_user_controls_the_window() -> Result<()> {
 
     let _server = ServerProcess::serve(&city, &address)?;
     open_the_link(folder.path(), &link, &picture)
+}
+
+/// After the proposal there are no buildings.
+pub(super) fn a_key_shows_a_city_before_and_after_a_proposal() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("gone.toml"), "[[remove]]\nfilter = \"height > 1\"\n")?;
+    let city = fixtures::baked_chiba()?;
+    let arguments = [path_text(&city), "--proposal", "gone.toml"];
+    let mut client = Client::start_with(CPU, "proposal", folder.path(), &arguments)?;
+    client.wait_for_rest()?;
+    let after = client.picture("1-after", |picture| colours(picture) > 3)?;
+    client.key("y")?;
+    client.picture("2-before", |picture| difference(&after, picture) > 0.05)?;
+    client.key("y")?;
+    client.picture("3-after-again", |picture| is_same_view(&after, picture))?;
+    ensure!(client.quit()? == 0, "after Ctrl Q, the exit code is not 0");
+    Ok(())
 }
 
 /// Changes the size of the window. Returns its view, at rest.

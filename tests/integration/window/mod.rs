@@ -31,7 +31,13 @@ pub(crate) fn add(trials: &mut Trials) {
         eprintln!("no test of the window can run: missing {missing:?}");
     }
     let is_ignored = !missing.is_empty() || !trials.has_gpu();
-    let mut tests = vec![Test::new("a_user_controls_the_window", controls::a_user_controls_the_window)];
+    let mut tests = vec![
+        Test::new("a_user_controls_the_window", controls::a_user_controls_the_window),
+        Test::new(
+            "a_key_shows_a_city_before_and_after_a_proposal",
+            controls::a_key_shows_a_city_before_and_after_a_proposal,
+        ),
+    ];
     for adapter in ["cpu", "gpu"] {
         for scale in [1, 2] {
             let session = move || session::a_session_with_a_chosen_city(Display { adapter, scale });
