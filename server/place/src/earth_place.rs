@@ -10,6 +10,8 @@ pub struct EarthPlace {
     geocentric: Proj,
     epsg: Option<u32>,
     definition: Option<(u32, String, [f64; 2])>,
+    /// From what heights are measured; `None` for the ellipsoid.
+    geoid: Option<Geoid>,
 }
 
 impl EarthPlace {
@@ -28,7 +30,21 @@ impl EarthPlace {
                 .zip(definition.ellipsoid_m())
                 // On a sphere the inverse flattening is infinite.
                 .map(|(base, [a, b])| (base, definition.text(), [a, a / (a - b)])),
+            geoid: None,
         })
+    }
+
+    /// With heights above sea level, by EGM96, where a city's are. Where it does not know from what its own are measured, zero is the
+    /// ellipsoid: there globes show their map.
+    #[must_use]
+    pub fn above_sea_level(self, are_heights: bool) -> Self {
+        // The bundled grid is read in the tests.
+        Self { geoid: are_heights.then(|| Geoid::egm96(None).ok()).flatten(), ..self }
+    }
+
+    /// What is between heights of the city and those above the ellipsoid.
+    fn undulation_m(&self, [longitude, latitude]: [f64; 2]) -> Option<f64> {
+        self.geoid.as_ref().map_or(Some(0.0), |geoid| geoid.undulation_m(longitude, latitude))
     }
 
     /// EPSG code of the plane's system, without heights.
@@ -72,17 +88,15 @@ impl EarthPlace {
         Some([low, high])
     }
 
-    /// West, south, lowest, east, north and highest of a box on the map with heights above sea level: degrees, and metres above the
-    /// ellipsoid by EGM96. West is greater than east if the box crosses the meridian of 180 degrees. `None` where the projection does not
-    /// reach.
+    /// West, south, lowest, east, north and highest of a box on the map: degrees, and metres above the ellipsoid. West is greater than east
+    /// if the box crosses the meridian of 180 degrees. `None` where the projection does not reach.
     #[must_use]
     pub fn extent(&self, [low, high]: [[f64; 3]; 2]) -> Option<[f64; 6]> {
-        let geoid = Geoid::egm96(None).ok()?;
         let middle = self.lon_lat([0, 1].map(|k| 0.5 * (low[k] + high[k])))?;
         let (mut least, mut most) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for point in border([low[0], low[1]], [high[0], high[1]]) {
             let [longitude, latitude] = self.lon_lat(point)?;
-            let undulation_m = geoid.undulation_m(longitude, latitude)?;
+            let undulation_m = self.undulation_m([longitude, latitude])?;
             // From the middle, longitudes on both sides of 180 degrees have an order.
             let place = [within_half_turn(longitude - middle[0]), latitude, undulation_m];
             (least, most) = ([0, 1, 2].map(|k| least[k].min(place[k])), [0, 1, 2].map(|k| most[k].max(place[k])));
@@ -91,10 +105,11 @@ impl EarthPlace {
         Some([west, least[1], low[2] + least[2], east, most[1], high[2] + most[2]])
     }
 
-    /// Metres from the centre of the Earth of a place with a height above the ellipsoid; `None` where the projection does not reach.
+    /// Metres from the centre of the Earth of a place with a height; `None` where the projection does not reach.
     #[must_use]
     pub fn geocentric(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
         let [longitude, latitude] = self.lon_lat([x, y])?;
+        let z = z + self.undulation_m([longitude, latitude])?;
         let mut point = (longitude.to_radians(), latitude.to_radians(), z);
         transform(&self.degrees, &self.geocentric, &mut point).ok()?;
         let all = [point.0, point.1, point.2];
@@ -140,6 +155,10 @@ mod tests {
         // 6,364.5 km from the centre at this latitude.
         assert!(((x * x + y * y + z * z).sqrt() - 6_364_900.0).abs() < 1500.0);
         assert!((y.atan2(x).to_degrees() - longitude).abs() < 1e-9);
+        // The sea is 43 m above the ellipsoid.
+        let [u, v, w] =
+            EarthPlace::of("EPSG:7415").unwrap().above_sea_level(true).geocentric([84_498.0, 447_540.0, 0.0]).unwrap();
+        assert!((f64::hypot(f64::hypot(u - x, v - y), w - z) - 2.0).abs() < 0.5, "{u} {v} {w}");
         let (base, text, [axis, inverse_flattening]) = place.definition().unwrap();
         assert_eq!((base, axis.round()), (4289, 6_377_397.0));
         // Bessel 1841.
@@ -150,7 +169,7 @@ mod tests {
 
     #[test]
     fn an_extent_has_heights_above_the_ellipsoid_and_an_order_of_longitudes() {
-        let place = EarthPlace::of("EPSG:7415").unwrap();
+        let place = EarthPlace::of("EPSG:7415").unwrap().above_sea_level(true);
         let (low, high) = ([84_400.0, 447_400.0, -2.0], [84_600.0, 447_600.0, 45.0]);
         let [west, south, lowest, east, north, highest] = place.extent([low, high]).unwrap();
         let [longitude, latitude] = place.lon_lat([84_500.0, 447_500.0]).unwrap();

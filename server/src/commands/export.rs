@@ -55,7 +55,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     if args.parts && !matches!(format, ExportFormat::Table(format) if format.is_table()) {
         return Err(CommandError::Usage("--parts needs a table: csv, geojson, geoparquet or flatgeobuf".to_owned()));
     }
-    let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let has_datum = city.manifest().heights.is_some();
+    let place = city.manifest().crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(has_datum));
     let selection = selection(args, &source, place.as_ref())?;
     let nothing = nothing_selected(args, &selection, &source, place.as_ref());
     nothing.iter().for_each(|reason| eprintln!("note: nothing is selected: {}", printable(reason)));

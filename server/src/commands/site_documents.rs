@@ -57,7 +57,8 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
     let read = |kind, id| city.tile(kind, id);
     let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
     let source = StoredCity::new(manifest, &schema, &read);
-    let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+    let place =
+        manifest.crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(manifest.heights.is_some()));
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
     let everything = ObjectSelection::default();
     let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(error.to_string()))?;

@@ -85,7 +85,8 @@ impl CityRecord<'_> {
 /// not known, or not to this program.
 #[cfg(feature = "bake")]
 pub(crate) fn extent(manifest: &Manifest) -> Option<[f64; 6]> {
-    let place = insula_bake::read::EarthPlace::of(manifest.crs.as_deref()?)?;
+    let place =
+        insula_bake::read::EarthPlace::of(manifest.crs.as_deref()?)?.above_sea_level(manifest.heights.is_some());
     let [west, south, lowest, east, north, highest] = place.extent(manifest.bounds)?;
     // To a centimetre, never less than the city.
     let down = |value: f64, unit: f64| (value * unit).floor() / unit;

@@ -123,7 +123,8 @@ fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Vec
     let schema = StoredCity::read_schema(&read).map_err(|error| failed(&error))?;
     let source = StoredCity::new(city.manifest(), &schema, &read);
     let manifest = city.manifest();
-    let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+    let place =
+        manifest.crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(manifest.heights.is_some()));
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
     let everything = ObjectSelection::default();
     let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(&error))?;
