@@ -32,12 +32,12 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
 /// The same, with columns only or with meshes as well.
 pub fn open_drawn(place: &Path, cache_mib: u32, no_meshes: bool) -> Result<Session> {
     let global = GlobalArgs { no_meshes, ..global(cache_mib) };
-    Ok(open_session(place.display().to_string(), &global, Some(Http::new(None)?), None)?)
+    Ok(open_session(place.display().to_string(), &global, Some(Http::new(None)?), None, None)?)
 }
 
 /// The same with a simulated link.
 pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(open_session(place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
+    Ok(open_session(place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None, None)?)
 }
 
 /// Fetches all tiles in the view frustum, occluded or not.
@@ -74,7 +74,7 @@ pub struct Viewer {
 impl Viewer {
     /// Connects and sets the camera.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
-        let session = open_session(url, &global(256), None, None)?;
+        let session = open_session(url, &global(256), None, None, None)?;
         let request = request(&camera(session.tree().manifest()))?;
         Ok(Self { session, request })
     }

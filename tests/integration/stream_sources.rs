@@ -89,7 +89,7 @@ fn options(timeout: Duration) -> GlobalArgs {
 }
 
 fn open_hosted(host: &FaultyHost) -> Result<Session> {
-    Ok(headless::open_session(format!("{}/town/", host.url()), &options(PATIENCE), None, None)?)
+    Ok(headless::open_session(format!("{}/town/", host.url()), &options(PATIENCE), None, None, None)?)
 }
 
 fn start_host() -> FaultyHost {
@@ -130,11 +130,11 @@ fn private_server(runtime: &tokio::runtime::Runtime, keys: &Path) -> Result<(Str
 fn a_share_link_opens_a_private_city() -> Result<()> {
     let (runtime, folder) = (tokio::runtime::Runtime::new()?, tempfile::tempdir()?);
     let (address, link) = private_server(&runtime, &folder.path().join("keys"))?;
-    ensure!(headless::open_session(&address, &options(IMPATIENCE), None, None).is_err(), "it is not private");
-    let from_link = settle(&mut headless::open_session(&link, &options(PATIENCE), None, None)?)?;
+    ensure!(headless::open_session(&address, &options(IMPATIENCE), None, None, None).is_err(), "it is not private");
+    let from_link = settle(&mut headless::open_session(&link, &options(PATIENCE), None, None, None)?)?;
     ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the frames differ");
     let error =
-        headless::open_session(format!("{link}0"), &options(IMPATIENCE), None, None).err().map(|e| e.to_string());
+        headless::open_session(format!("{link}0"), &options(IMPATIENCE), None, None, None).err().map(|e| e.to_string());
     ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
@@ -155,7 +155,8 @@ fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
         ensure!(error.contains(word) && !error.contains('\n'), "{word:?} is expected: {error}");
         ensure!(host.requests() < 60, "{word:?}: {} requests", host.requests());
     }
-    let missing = headless::open_session(format!("{}/nowhere/", start_host().url()), &options(IMPATIENCE), None, None);
+    let missing =
+        headless::open_session(format!("{}/nowhere/", start_host().url()), &options(IMPATIENCE), None, None, None);
     ensure!(missing.err().is_some_and(|error| error.to_string().contains("no city here")));
     Ok(())
 }

@@ -3,7 +3,6 @@
 use crate::{
     rings::twice_area,
     selection::ObjectSelection,
-    source::ExportSource,
     table::{
         ExportError,
         city::{City, Plan},
