@@ -30,6 +30,7 @@ mod node_error;
 mod office;
 mod packets;
 mod proposals;
+mod python;
 mod qgis;
 mod random_commands;
 mod scripts;
@@ -58,7 +59,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 44] = [
+const MODULES: [(&str, Add); 45] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -88,6 +89,7 @@ const MODULES: [(&str, Add); 44] = [
     ("twin_stone", twin_stone::add),
     ("twin_visibility", twin_visibility::add),
     ("translucency", translucency::add),
+    ("python", python::add),
     ("packets", packets::add),
     ("drape", drape::add),
     ("synth", synth::add),

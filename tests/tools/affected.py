@@ -20,10 +20,12 @@ CONCERNS = {
     "shaders/src/gpu/": ["twin_"],
     "client/web/": ["browser::"],
     "client/qgis/": ["qgis::"],
+    "client/python/": ["python::", "tidy::"],
     "client/src/ui/": ["window::a_user"],
     "tests/tools/": ["scripts::"],
     "tests/load/": ["scripts::"],
     "docs/": ["tidy::", "command_line::", "documents::"],
+    "docs/python.md": ["python::"],
     "README.md": ["tidy::", "documents::"],
     "SECURITY.md": ["tidy::"],
 }
