@@ -1,4 +1,5 @@
-//! Copies the WGSL into the build: for browsers, which download it with the program, minified, and minified beside it for tests.
+//! Copies the WGSL into the build. Browsers fetch it apart from the program, and only for a GPU: `client/web/build` takes `browser.wgsl`,
+//! where the files are minified and joined, each after a line `//@ NAME`.
 
 use std::{
     cmp::Reverse,
@@ -7,7 +8,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-const FOLDERS: [&str; 2] = ["", "shared"];
+const FOLDERS: [&str; 2] = ["", "shared/"];
+/// Files of the bake, which no browser needs.
+const OF_PROGRAMS: [&str; 2] = ["nearest.wgsl", "occlusion.wgsl"];
 /// Names of WGSL's own functions and values that declarations here may have, too.
 const OWN_NAMES: &str = "abs acos all any asin atan atan2 bitcast ceil clamp cos cross default degrees determinant distance dot exp exp2 \
                          floor fma fract inverseSqrt length log log2 max min mix modf normalize pack4x8unorm position pow radians \
@@ -17,30 +20,35 @@ const OWN_NAMES: &str = "abs acos all any asin atan atan2 bitcast ceil clamp cos
 
 fn main() -> io::Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
-    let is_browser = env::var("CARGO_CFG_TARGET_ARCH").is_ok_and(|arch| arch == "wasm32");
-    let out = env::var_os("OUT_DIR").ok_or_else(|| io::Error::other("cargo names no OUT_DIR"))?;
-    let mut files: BTreeMap<PathBuf, String> = BTreeMap::new();
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or_else(|| io::Error::other("cargo names no OUT_DIR"))?);
+    let mut files: BTreeMap<String, String> = BTreeMap::new();
     for folder in FOLDERS {
+        fs::create_dir_all(out.join(folder))?;
         for entry in fs::read_dir(Path::new("wgsl").join(folder))? {
             let path = entry?.path();
             if let Some(name) = path.file_name().filter(|_| path.is_file()) {
-                files.insert(Path::new(folder).join(name), fs::read_to_string(&path)?);
+                let name = format!("{folder}{}", name.to_string_lossy());
+                let source = fs::read_to_string(&path)?;
+                fs::write(out.join(&name), &source)?;
+                files.insert(name, source);
             }
         }
     }
-    let minified: Vec<String> = files.values().map(|source| minified(source)).collect();
-    let short = short_names(&minified);
-    for ((name, source), small) in files.iter().zip(&minified) {
-        let small: String = tokens(small).map(|token| short.get(token).map_or(token, String::as_str)).collect();
-        for (path, text) in
-            [(Path::new("minified").join(name), &small), (name.clone(), if is_browser { &small } else { source })]
-        {
-            let path = Path::new(&out).join(path);
-            fs::create_dir_all(path.parent().unwrap_or(Path::new("")))?;
-            fs::write(path, text)?;
-        }
-    }
-    Ok(())
+    fs::write(out.join("browser.wgsl"), joined(&files))
+}
+
+/// The files that browsers need, minified, with short names for what is declared, each after a line with its name.
+fn joined(files: &BTreeMap<String, String>) -> String {
+    let files: Vec<(&String, String)> = files
+        .iter()
+        .filter(|(name, _)| !OF_PROGRAMS.contains(&name.as_str()))
+        .map(|(name, source)| (name, minified(source)))
+        .collect();
+    let short = short_names(files.iter().map(|(_, source)| source.as_str()));
+    let small = |source: &str| -> String {
+        tokens(source).map(|token| short.get(token).map_or(token, String::as_str)).collect()
+    };
+    files.iter().map(|(name, source)| format!("//@ {name}\n{}\n", small(source))).collect()
 }
 
 fn is_word(c: char) -> bool {
@@ -80,7 +88,7 @@ fn tokens(mut rest: &str) -> impl Iterator<Item = &str> {
 
 /// Short names for what is declared, the shortest for the most frequent. Constants and overrides, which are in capitals, and entry points
 /// keep theirs: Rust knows them.
-fn short_names(files: &[String]) -> BTreeMap<String, String> {
+fn short_names<'a>(files: impl Iterator<Item = &'a str>) -> BTreeMap<String, String> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut declared, mut kept) = (BTreeSet::new(), BTreeSet::new());
     kept.extend(OWN_NAMES.split_whitespace());

@@ -90,10 +90,52 @@ use insula_protocol::{
 use std::{f32::consts::TAU, fmt};
 
 /// A file of `wgsl`, as `build.rs` copied it.
+#[cfg(not(target_arch = "wasm32"))]
 macro_rules! wgsl {
     ($file:literal) => {
         include_str!(concat!(env!("OUT_DIR"), "/", $file))
     };
+}
+/// The name of a file: browsers get its text by [`load`].
+#[cfg(target_arch = "wasm32")]
+macro_rules! wgsl {
+    ($file:literal) => {
+        $file
+    };
+}
+
+/// What [`load`] got.
+#[cfg(target_arch = "wasm32")]
+static LOADED: std::sync::OnceLock<String> = std::sync::OnceLock::new();
+
+/// A text that is not that of this build's files.
+#[cfg(target_arch = "wasm32")]
+#[derive(Debug, thiserror::Error)]
+#[error("the shaders lack {0}: they and the viewer are of different builds")]
+pub struct ForeignShaders(&'static str);
+
+/// Takes the files that `build.rs` joined for browsers. Fails if they are not of this build. Before it, all sources are empty.
+#[cfg(target_arch = "wasm32")]
+pub fn load(text: String) -> Result<(), ForeignShaders> {
+    let others = [COMPOSE_UNIFORM, DEPTH, COMPOSE, CONTACT, METER, HIT_COUNTS];
+    if let Some(name) = RAYCAST.into_iter().chain(others).find(|name| file_in(&text, name).is_none()) {
+        return Err(ForeignShaders(name));
+    }
+    // A second text is the same.
+    let _ = LOADED.set(text);
+    Ok(())
+}
+
+/// Whether [`load`] succeeded.
+#[cfg(target_arch = "wasm32")]
+pub fn is_loaded() -> bool {
+    LOADED.get().is_some()
+}
+
+/// A file among those that `build.rs` joined.
+#[cfg(any(test, target_arch = "wasm32"))]
+fn file_in<'a>(joined: &'a str, name: &str) -> Option<&'a str> {
+    joined.split("//@ ").find_map(|part| part.strip_prefix(name)?.strip_prefix('\n')?.strip_suffix('\n'))
 }
 
 const LAYOUT: &str = wgsl!("shared/layout.wgsl");
@@ -103,6 +145,10 @@ const COMPOSE_UNIFORM: &str = wgsl!("shared/compose_uniform.wgsl");
 const SRGB: &str = wgsl!("shared/srgb.wgsl");
 const TONE: &str = wgsl!("shared/tone.wgsl");
 const WORDS: &str = wgsl!("shared/words.wgsl");
+const COMPOSE: &str = wgsl!("compose.wgsl");
+const CONTACT: &str = wgsl!("contact.wgsl");
+const METER: &str = wgsl!("meter.wgsl");
+const HIT_COUNTS: &str = wgsl!("hit_counts.wgsl");
 
 /// The ray-caster: entry point `raycast`, bindings in [`crate::layout::binding`], workgroups of [`WORKGROUP`].
 pub fn raycast() -> String {
@@ -137,42 +183,53 @@ const RAYCAST: [&str; 23] = [
 ];
 
 /// The ray-caster and `kernel`: an entry point that calls its functions of stone, `stone_surface` and `reflect_stone`, for tests.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn stone_samples(kernel: &str) -> String {
     source(&[&RAYCAST[..], &[kernel]].concat())
 }
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
 pub fn compose() -> String {
-    source(&[COMPOSE_UNIFORM, DEPTH, SRGB, TONE, wgsl!("compose.wgsl")])
+    source(&[COMPOSE_UNIFORM, DEPTH, SRGB, TONE, COMPOSE])
 }
 
 /// Shade where surfaces meet, from the ray-caster's distances: entry point `contact`, workgroups of [`WORKGROUP`].
 pub fn contact() -> String {
-    source(&[COMPOSE_UNIFORM, DEPTH, wgsl!("contact.wgsl")])
+    source(&[COMPOSE_UNIFORM, DEPTH, CONTACT])
 }
 
 /// Measures the exposure of the ray-caster's pixels: entry point `meter`.
 pub fn meter() -> String {
-    source(&[COMPOSE_UNIFORM, TONE, wgsl!("meter.wgsl")])
+    source(&[COMPOSE_UNIFORM, TONE, METER])
 }
 
 /// Counts each node's pixels: entry point `hit_counts`.
 pub fn hit_counts() -> String {
-    source(&[wgsl!("hit_counts.wgsl")])
+    source(&[HIT_COUNTS])
 }
 
 /// Draws the number of the nearest triangle, for the bake: entry points `corner` and `number`.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn nearest() -> String {
     source(&[wgsl!("nearest.wgsl")])
 }
 
 /// Draws depth maps of a mesh and tests its vertices: entry points `occluder` and `accumulate`.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn occlusion() -> String {
     source(&[wgsl!("occlusion.wgsl")])
 }
 
+#[cfg(not(target_arch = "wasm32"))]
 fn source(files: &[&str]) -> String {
     [&[constants().as_str()], files].concat().join("\n")
+}
+
+#[cfg(target_arch = "wasm32")]
+fn source(names: &[&str]) -> String {
+    let joined = LOADED.get().map_or("", String::as_str);
+    let files: Vec<&str> = names.iter().filter_map(|name| file_in(joined, name)).collect();
+    [&[constants().as_str()], &files[..]].concat().join("\n")
 }
 
 /// A value of a type of WGSL.
@@ -474,21 +531,22 @@ mod tests {
 
     /// Browsers get the WGSL without what compilers ignore (`build.rs`).
     #[test]
-    fn minified_files_make_the_same_programs() {
-        let out = Path::new(env!("OUT_DIR"));
+    fn files_for_browsers_make_the_same_programs() {
+        let joined = include_str!(concat!(env!("OUT_DIR"), "/browser.wgsl"));
+        let names: Vec<&str> = joined.lines().filter_map(|line| line.strip_prefix("//@ ")).collect();
+        assert!(names.len() > 20 && !names.contains(&"nearest.wgsl"), "{names:?}");
         for source in [raycast(), compose(), contact(), meter(), hit_counts()] {
             let mut small = source.clone();
-            for folder in ["", "shared"] {
-                for entry in fs::read_dir(out.join("minified").join(folder)).unwrap() {
-                    let path = entry.unwrap().path();
-                    if path.is_file() {
-                        let whole = fs::read_to_string(out.join(folder).join(path.file_name().unwrap())).unwrap();
-                        small = small.replace(&whole, &fs::read_to_string(&path).unwrap());
-                    }
-                }
+            for name in &names {
+                let whole = fs::read_to_string(Path::new(env!("OUT_DIR")).join(name)).unwrap();
+                small = small.replace(&whole, file_in(joined, name).unwrap());
             }
             assert!(small.len() < source.len(), "{} of {} bytes", small.len(), source.len());
+            assert!(!small.contains("//"), "a file is not for browsers");
             assert!(program(&source) == program(&small));
+        }
+        for unknown in ["compose", "sea", "", "sea.wgsl\n"] {
+            assert_eq!(file_in(joined, unknown), None, "{unknown:?}");
         }
     }
 }

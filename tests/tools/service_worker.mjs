@@ -173,6 +173,8 @@ const tests = {
       [asset('insula_web_bg.wasm'), 'binary/octet-stream', true],
       [asset('insula_web_bg.wasm'), 'text/plain', true],
       [asset('style.css'), 'text/plain', false],
+      [asset('shaders.txt'), 'text/plain; charset=utf-8', true],
+      [asset('shaders.txt'), 'text/html', false],
       [asset('icon.svg'), 'image/svg+xml', true],
       [asset('icon-192.png'), 'image/png', true],
       [asset('icon-192.png'), 'text/html', false],

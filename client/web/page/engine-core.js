@@ -3,7 +3,7 @@
 import init, { CityViewer } from './insula_web.js';
 import { captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
-import { Network, compileViewer, locate } from './network.js';
+import { Network, compileViewer, fetchShaders, locate } from './network.js';
 
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
@@ -90,6 +90,7 @@ export class Engine {
       abort: (request) => this.#network.abort(request),
       bypassCaches: () => this.#network.bypassCaches(),
       decode: (key, bytes) => this.#helpers.decode([...key], bytes),
+      shaders: fetchShaders,
       wake: () => this.wake(),
     };
   }
@@ -235,7 +236,7 @@ export class Engine {
   async #openGpu() {
     const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      const gpu = await CityViewer.openGpu(canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
+      const gpu = await CityViewer.openGpu(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       this.gpuName = this.#viewer.useGpu(gpu);
       await this.#renewHelpers(0);
       this.wake();

@@ -133,12 +133,24 @@ function failure(text, status) {
   return Object.assign(new Error(text), { isTemporary: status === 0 || status === 429 || status >= 500 });
 }
 
+/** A file of the viewer. Fails if it cannot be fetched. @param {string} name @param {URL} url @returns {Promise<Response>} */
+async function ownFile(name, url) {
+  const response = await fetch(url).catch(({ message }) => {
+    throw failure(`${name}: ${message}`, 0);
+  });
+  if (!response.ok) throw failure(`${name}: status ${response.status}`, response.status);
+  return response;
+}
+
+/** The text of the shaders, which only a GPU needs. Fails if it cannot be fetched. @returns {Promise<string>} */
+export async function fetchShaders() {
+  // As a whole: bundlers follow it.
+  return (await ownFile('shaders.txt', new URL('./shaders.txt', import.meta.url))).text();
+}
+
 /** Compiles the viewer. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
 export async function compileViewer() {
-  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url)).catch(({ message }) => {
-    throw failure(`insula_web_bg.wasm: ${message}`, 0);
-  });
-  if (!response.ok) throw failure(`insula_web_bg.wasm: status ${response.status}`, response.status);
+  const response = await ownFile('insula_web_bg.wasm', new URL('./insula_web_bg.wasm', import.meta.url));
   // Static hosts may not know the type, and compiling a stream demands it.
   const type = response.headers.get('content-type') ?? '';
   if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);

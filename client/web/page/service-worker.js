@@ -51,6 +51,7 @@ const TYPE_WORDS = {
   png: 'png',
   jpg: 'jpeg',
   woff2: 'woff2',
+  txt: '^text/plain',
 };
 const ASSET_IN_PAGE = /(?:href|src)="([^"]*assets\/[0-9a-f]{16}\/[^"]+)"/g;
 

@@ -51,6 +51,7 @@ pub(crate) fn viewer() -> ViewerAssets {
             file("engine.js", &script("import init from './insula_web.js';")),
             file("insula_web.js", &script("")),
             file("insula_web_bg.wasm", &script("")),
+            file("shaders.txt", &script("")),
             file("style.css", &script("")),
             file("icon.svg", "<svg/>"),
             file("manifest.webmanifest", &script("")),
@@ -236,6 +237,8 @@ async fn files_of_the_viewer_are_immutable_and_compressed() {
     assert_eq!(tags.len(), 3, "each coding has its own ETag");
     let wasm = get(&service, "/assets/00112233445566ff/insula_web_bg.wasm", &[]).await;
     assert_eq!(wasm.header("content-type"), "application/wasm");
+    let shaders = get(&service, "/assets/00112233445566ff/shaders.txt", &[]).await;
+    assert_eq!(shaders.header("content-type"), "text/plain; charset=utf-8");
     let small = get(&service, "/assets/00112233445566ff/icon.svg", &[("accept-encoding", "br")]).await;
     assert_eq!((small.header("content-encoding"), small.text.as_str()), ("", "<svg/>"), "compression would enlarge it");
     let worker = get(&service, "/service-worker.js", &[]).await;

@@ -63,7 +63,7 @@ const QUICK: [(&str, Run); 15] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 25] = [
+const FULL: [(&str, Run); 26] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
@@ -79,6 +79,7 @@ const FULL: [(&str, Run); 25] = [
     ("webgpu_draws_another_native_picture", pictures::webgpu_draws_another_native_picture),
     ("pictures_have_their_own_sizes", pictures::pictures_have_their_own_sizes),
     ("a_lost_device_falls_back_to_the_cpu", pictures::a_lost_device_falls_back),
+    ("a_page_without_shaders_stays_on_the_cpu", pictures::a_page_without_shaders_stays_on_the_cpu),
     ("a_visited_city_works_offline", site::a_visited_city_works_offline),
     ("a_bad_host_is_survived", site::a_bad_host_is_survived),
     ("damaged_bytes_are_fetched_again", site::damaged_bytes_are_fetched_again),

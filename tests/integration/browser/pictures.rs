@@ -2,15 +2,17 @@
 
 use super::{
     browser,
+    site::{self, publish},
     viewer::{REACTION, cameras, ensure_city_is_visible, serve, url},
 };
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
+use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::browser::{
     PageOptions,
     city_page::{CityPage, colours},
     same_picture::{SharedView, in_browser, native, share_of_same},
 };
-use std::path::Path;
+use std::{fs, path::Path};
 
 /// Smallest share of pixels that are the same.
 const SAME: f64 = 0.998;
@@ -22,7 +24,7 @@ fn compare(adapter: &str, numbers: &[usize]) -> Result<()> {
     let (server, folder, cameras) = (serve()?, tempfile::tempdir()?, cameras()?);
     let browser = browser(adapter == "gpu")?;
     let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("browser");
-    std::fs::create_dir_all(&kept)?;
+    fs::create_dir_all(&kept)?;
     for &number in numbers {
         let camera = cameras[number].clone();
         let view = SharedView { server: server.address, city: "chiba".into(), camera, size_px: SMALL.size };
@@ -69,6 +71,21 @@ pub(super) fn a_lost_device_falls_back() -> Result<()> {
     ensure_city_is_visible(&page)?;
     // A new device is opened after some seconds. It has to get all tiles.
     page.wait_for_adapter(0, "gpu")?;
+    page.wait_until_final(0)?;
+    ensure_city_is_visible(&page)
+}
+
+/// A host that lost the file of the shaders: the CPU goes on, and the page says why.
+pub(super) fn a_page_without_shaders_stays_on_the_cpu() -> Result<()> {
+    let folder = publish()?;
+    let assets = fs::read_dir(folder.path().join("site/assets"))?.next().context("no assets")??.path();
+    for suffix in ["", ".br", ".gz"] {
+        fs::remove_file(assets.join(format!("shaders.txt{suffix}")))?;
+    }
+    let (host, browser) = (FaultyHost::start(folder.path()), browser(true)?);
+    let page = CityPage::open_with(&browser, SMALL, &site::url(&host), &[("adapter", "gpu")])?;
+    let says_so = "({ kind, why }) => kind === 'cpu' && why.includes('shaders.txt: status 404')";
+    page.page.wait_for(&format!("{}.insulaSeen.adapters.some({says_so})", CityPage::element(0)), REACTION)?;
     page.wait_until_final(0)?;
     ensure_city_is_visible(&page)
 }

@@ -35,7 +35,7 @@ pub(super) fn publish() -> Result<TempDir> {
 }
 
 /// The host serves the parent folder, so that the site is not at the root.
-fn url(host: &FaultyHost) -> String {
+pub(super) fn url(host: &FaultyHost) -> String {
     format!("{}/site/cities/chiba/", host.url())
 }
 

@@ -113,6 +113,7 @@ fn content_type(path: &str) -> &'static str {
         Some("html") => "text/html; charset=utf-8",
         Some("js" | "mjs") => "text/javascript",
         Some("css") => "text/css",
+        Some("txt") => "text/plain",
         Some("json") => "application/json",
         Some("wasm") => "application/wasm",
         Some("png") => "image/png",

@@ -1,7 +1,7 @@
 //! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
 //!
 //! ```text
-//! wasm -> bindings (wasm-bindgen) -> asset_files (names, hash) -> languages (checks) -> joined_modules -> dist (compressed forms, manifest)
+//! wasm, shaders -> bindings (wasm-bindgen) -> asset_files (names, hash) -> languages (checks) -> joined_modules -> dist (compressed forms, manifest)
 //! ```
 //!
 //! `insula-server` embeds the result, see `docs/decisions/0015-viewer-assets.md`.
@@ -14,10 +14,12 @@ mod joined_modules;
 mod languages;
 
 use error::BundleError;
-use std::{env, path::Path, process::ExitCode};
+use std::{env, fs, path::Path, process::ExitCode};
 
-const USAGE: &str = "usage: insula-web-bundle MODULE.wasm PAGE DIST
-Binds MODULE.wasm, adds the files of the folder PAGE, and replaces the folder DIST.";
+/// What a page with a GPU fetches when it has drawn a picture.
+const SHADERS: &str = "shaders.txt";
+const USAGE: &str = "usage: insula-web-bundle MODULE.wasm SHADERS PAGE DIST
+Binds MODULE.wasm, adds the file SHADERS and the files of the folder PAGE, and replaces the folder DIST.";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -26,16 +28,18 @@ fn main() -> ExitCode {
             println!("{USAGE}");
             ExitCode::SUCCESS
         }
-        [wasm, page, out] => match bundle(Path::new(wasm), Path::new(page), Path::new(out)) {
-            Ok(summary) => {
-                println!("{summary}");
-                ExitCode::SUCCESS
+        [wasm, shaders, page, out] => {
+            match bundle(Path::new(wasm), Path::new(shaders), Path::new(page), Path::new(out)) {
+                Ok(summary) => {
+                    println!("{summary}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => {
+                    eprintln!("error: {error}");
+                    ExitCode::FAILURE
+                }
             }
-            Err(error) => {
-                eprintln!("error: {error}");
-                ExitCode::FAILURE
-            }
-        },
+        }
         _ => {
             eprintln!("{USAGE}");
             ExitCode::from(2)
@@ -44,12 +48,14 @@ fn main() -> ExitCode {
 }
 
 /// Makes the folder `out`. Returns a summary for people.
-fn bundle(wasm: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
+fn bundle(wasm: &Path, shaders: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
     let bound = bindings::bind(wasm)?;
     let mut files = asset_files::read_page(page)?;
     for (name, content) in bound.assets {
         asset_files::add(&mut files, name, content)?;
     }
+    let text = fs::read(shaders).map_err(BundleError::io(shaders))?;
+    asset_files::add(&mut files, SHADERS.to_owned(), text)?;
     languages::check(&files)?;
     dist::replace(out, &joined_modules::join(files)?, &bound.types)
 }

@@ -1,13 +1,19 @@
 //! The GPU ray-caster on a canvas.
 
-use insula_shaders::gpu::{Compose, DeviceQueue};
+use super::host::Host;
+use insula_shaders::{
+    gpu::{Compose, DeviceQueue},
+    wgsl,
+};
 use insula_viewer::{
+    cache::pages_for,
     frame::FrameData,
     render::{GpuAdapter, GpuDevice},
 };
 use js_sys::{Promise, Uint8Array};
 use std::sync::{Arc, OnceLock};
-use wasm_bindgen::JsValue;
+use wasm_bindgen::{JsCast, JsValue};
+use wasm_bindgen_futures::JsFuture;
 use web_sys::OffscreenCanvas;
 
 /// Reason of a browser that has WebGPU but nothing that computes it.
@@ -26,11 +32,11 @@ pub(crate) struct GpuCanvas {
 }
 
 impl GpuCanvas {
-    /// Opens a device that can draw on `canvas`, with an atlas of at most `pages` pages and `cache_bytes` bytes. Software adapters are
-    /// refused unless `accepts_software`: the CPU ray-caster is faster. Fails with a reason for people.
+    /// Opens a device that can draw on `canvas`, with an atlas of at most `cache_bytes` bytes, and fetches the shaders for it. Software
+    /// adapters are refused unless `accepts_software`: the CPU ray-caster is faster. Fails with a reason for people.
     pub(crate) async fn open(
+        host: &Host,
         canvas: OffscreenCanvas,
-        pages: u32,
         cache_bytes: u64,
         accepts_software: bool,
     ) -> Result<Self, String> {
@@ -50,7 +56,8 @@ impl GpuCanvas {
         let config = surface
             .get_default_config(&device.adapter, canvas.width().max(1), canvas.height().max(1))
             .ok_or("the canvas has no format that this device can draw")?;
-        let adapter = GpuAdapter::new(device, pages).await?;
+        load_shaders(host).await?;
+        let adapter = GpuAdapter::new(device, pages_for(cache_bytes)).await?;
         let compose = Compose::new(&adapter.device.device, config.format);
         surface.configure(&adapter.device.device, &config);
         let lost = Arc::new(OnceLock::new());
@@ -159,6 +166,18 @@ impl GpuCanvas {
             self.surface.configure(&self.adapter.device.device, &self.config);
         }
     }
+}
+
+/// Pages that are drawn by the CPU do without them. Fails with a reason for people.
+async fn load_shaders(host: &Host) -> Result<(), String> {
+    if wgsl::is_loaded() {
+        return Ok(());
+    }
+    let text = JsFuture::from(host.shaders()).await.map_err(|error| match error.dyn_ref::<js_sys::Error>() {
+        Some(error) => String::from(error.message()),
+        None => "the shaders cannot be fetched".into(),
+    })?;
+    wgsl::load(text.as_string().unwrap_or_default()).map_err(|error| error.to_string())
 }
 
 /// Whether a device computes on the CPU. Browsers do not say it of all: SwiftShader is known by its name.

@@ -27,6 +27,10 @@ extern "C" {
     #[wasm_bindgen(method)]
     pub fn decode(this: &Host, key: &[u32], bytes: Uint8Array) -> Promise;
 
+    /// Fetches the text for [`insula_shaders::wgsl::load`]. Rejects with the reason.
+    #[wasm_bindgen(method)]
+    pub fn shaders(this: &Host) -> Promise;
+
     /// A tile has arrived: a frame is due.
     #[wasm_bindgen(method)]
     pub fn wake(this: &Host);

@@ -168,12 +168,13 @@ impl CityViewer {
     /// Opens the GPU ray-caster on a canvas, apart from the viewer, which goes on drawing meanwhile. See `GpuCanvas::open`.
     #[wasm_bindgen(js_name = openGpu)]
     pub async fn open_gpu(
+        host: Host,
         canvas: OffscreenCanvas,
         cache_bytes: f64,
         accepts_software: bool,
     ) -> Result<GpuHandle, JsError> {
         let bytes = cache_bytes as u64;
-        let opened = GpuCanvas::open(canvas, pages_for(bytes), bytes, accepts_software).await;
+        let opened = GpuCanvas::open(&host, canvas, bytes, accepts_software).await;
         opened.map(|gpu| GpuHandle { gpu: Box::new(gpu) }).map_err(|reason| JsError::new(&reason))
     }
 
