@@ -1,5 +1,5 @@
 /**
- * Checks degrees, cameras, figures and keys of the page against known values, and what it stores: node page_geometry.mjs FOLDER
+ * Checks degrees, cameras, figures, options and keys of the page against known values, and what it stores: node page_geometry.mjs FOLDER
  *
  * FOLDER has the modules of the page. Fails at the first that is wrong.
  */
@@ -21,6 +21,7 @@ const { cameraText, earthCamera, fitting, projected, unprojected } = await impor
 const { shapesOf } = await import(address('geojson.js'));
 const { cells, dense } = await import(address('plan-cells.js'));
 const { codeOf } = await import(address('key-table.js'));
+const { validChanges } = await import(address('viewer-options.js'));
 const { BookmarkStore } = await import(address('bookmark-store.js'));
 
 const near = (found, expected, tolerance) => {
@@ -44,6 +45,19 @@ class Storage extends Map {
   }
 }
 
+/** What the console was told while `action` ran. */
+function warnings(action) {
+  const { warn } = console;
+  const said = [];
+  console.warn = (text) => said.push(text);
+  try {
+    action();
+  } finally {
+    console.warn = warn;
+  }
+  return said;
+}
+
 const tests = {
   'degrees are those of the native client'() {
     near(grid.toXy([4.3577, 52.0114]), [85_000, 447_500], 1e-6);
@@ -52,6 +66,25 @@ const tests = {
     const east = grid.toXy([4.5037, 52.0114]);
     assert(Math.abs(Math.hypot(east[0] - 85_000, east[1] - 447_500) - 10_026) < 10, String(east));
     assert.equal(lonLatGrid({ focus, location: null }), null);
+  },
+  'an option with a wrong value is named, with the values that it has'() {
+    const good = { tau: 2, fps: 60, distances: '50,100', shading: 'ao', look: 'paper', shadows: false, mode: 'walk', day: true };
+    assert.deepEqual(warnings(() => assert.deepEqual(validChanges({ ...good, collision: undefined }), good)), []);
+    for (const [wrong, ...words] of [
+      [{ tau: 0 }, 'tau cannot be 0', 'a number above 0'],
+      [{ distances: '100,50' }, "distances cannot be '100,50'", 'ascending'],
+      [{ shading: 'Lit' }, "shading cannot be 'Lit'", 'lit, albedo'],
+      [{ look: 'photo' }, "look cannot be 'photo'", 'model, physical, paper'],
+      [{ shadows: 'no' }, "shadows cannot be 'no'", 'true, false'],
+      [{ collision: null }, 'collision cannot be null', 'true, false'],
+      [{ shadow: true }, 'no option shadow', 'tau, fps'],
+      [{ toString: 1 }, 'no option toString'],
+    ]) {
+      const said = warnings(() => assert.deepEqual(validChanges(wrong), {}));
+      assert(said.length === 1 && words.every((word) => said[0].includes(word)), `${JSON.stringify(wrong)}: ${said}`);
+    }
+    const others = () => assert.deepEqual(validChanges({ url: 'a', tau: 3 }, { hasOthers: true }), { tau: 3 });
+    assert.deepEqual(warnings(others), []);
   },
   'degrees come back'() {
     for (const place of [[4.3577, 52.0114], [4.5, 52.1], [4.2, 51.9]]) near(grid.toLonLat(grid.toXy(place)), place, 1e-9);

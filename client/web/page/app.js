@@ -47,8 +47,8 @@ async function start() {
   const { camera, time, look, object } = parseView(location.hash);
   if (camera) city.camera = camera;
   if (time) city.time = time;
-  const [tau, shadows] = [load('tau', null), load('shadows', null)];
-  city.setOptions({ tau, shadows, look });
+  const [tau, shadows] = [load('tau', undefined), load('shadows', undefined)];
+  city.setOptions({ tau, shadows, look: look ?? undefined });
   await Promise.all([language, new Promise((resolve) => setTimeout(resolve))]);
   document.documentElement.lang = strings.language;
   document.documentElement.dir = strings.direction;

@@ -48,7 +48,7 @@ export class Caster {
   /** @param {any} options */
   constructor(options) {
     this.#options = options;
-    this.#changes = validChanges(options);
+    this.#changes = validChanges(options, { hasOthers: true });
     this.#hasGround = options.ground !== false;
     document.addEventListener('visibilitychange', this.#watch);
     this.#open();

@@ -206,7 +206,8 @@ export class InsulaCity extends Base {
   }
 
   #start() {
-    this.options.tau = validChanges({ tau: Number(this.getAttribute('tau')) }).tau ?? this.options.tau;
+    const tau = this.getAttribute('tau');
+    if (tau !== null) Object.assign(this.options, validChanges({ tau: Number(tau) }));
     this.#session = new ViewerSession(this, this.#surface, this.#keyTarget, {
       receive: (message) => this.#receive(message),
       click: (x, y, count, adds) => this.#click(x, y, count, adds),

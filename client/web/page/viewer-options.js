@@ -32,30 +32,56 @@ export function collides({ collision, mode }) {
   return collision ?? mode === 'walk';
 }
 
+/** @type {(value: any) => boolean} */
+const isPositive = (value) => Number.isFinite(value) && value > 0;
+/** @type {(value: any) => boolean} */
+const isSwitch = (value) => typeof value === 'boolean';
+/** @type {(values: number[]) => boolean} */
+const isAscending = (values) =>
+  values.length <= 16 && values.every((value, i) => Number.isFinite(value) && value > (values[i - 1] ?? 0));
+
 /**
- * The changes that are valid.
+ * Which values an option has, and the same in words.
+ * @type {Record<string, [isValid: (value: any) => boolean, allowed: string]>}
+ */
+const RULES = {
+  tau: [isPositive, 'a number above 0'],
+  fps: [isPositive, 'a number above 0'],
+  distances: [
+    (value) => value === '' || (typeof value === 'string' && isAscending(value.split(',').map(Number))),
+    "at most 16 ascending numbers above 0, such as '50,100', or ''",
+  ],
+  shading: [(value) => SHADINGS.includes(value), SHADINGS.join(', ')],
+  look: [(value) => LOOKS.includes(value), LOOKS.join(', ')],
+  shadows: [isSwitch, 'true, false'],
+  collision: [isSwitch, 'true, false'],
+  mode: [(value) => MODES.includes(value), MODES.join(', ')],
+  day: [isSwitch, 'true, false'],
+};
+
+/**
+ * The changes that are valid. Says in the console which are not; what is `undefined` is no change.
  * @param {object} changes
+ * @param {{hasOthers?: boolean}} [of] Whether there may be values that are no options.
  * @returns {Partial<ViewerOptions>}
  */
-export function validChanges(changes) {
-  /** @type {(value: any) => boolean} */
-  const isPositive = (value) => Number.isFinite(value) && value > 0;
-  /** @type {(values: number[]) => boolean} */
-  const isAscending = (values) =>
-    values.length <= 16 && values.every((value, i) => Number.isFinite(value) && value > (values[i - 1] ?? 0));
-  /** @type {Record<string, (value: any) => boolean>} */
-  const rules = {
-    tau: isPositive,
-    fps: isPositive,
-    distances: (value) => value === '' || (typeof value === 'string' && isAscending(value.split(',').map(Number))),
-    shading: (value) => SHADINGS.includes(value),
-    look: (value) => LOOKS.includes(value),
-    shadows: (value) => typeof value === 'boolean',
-    collision: (value) => typeof value === 'boolean',
-    mode: (value) => MODES.includes(value),
-    day: (value) => typeof value === 'boolean',
+export function validChanges(changes, { hasOthers = false } = {}) {
+  const isValid = ([name, value]) => {
+    if (value === undefined || (hasOthers && !Object.hasOwn(RULES, name))) return false;
+    if (!Object.hasOwn(RULES, name)) {
+      console.warn(`insula: there is no option ${name}: use one of ${Object.keys(RULES).join(', ')}`);
+      return false;
+    }
+    const [isAllowed, allowed] = RULES[name];
+    if (!isAllowed(value)) console.warn(`insula: the option ${name} cannot be ${shown(value)}: allowed is ${allowed}`);
+    return isAllowed(value);
   };
-  return Object.fromEntries(Object.entries(changes).filter(([key, value]) => rules[key]?.(value)));
+  return Object.fromEntries(Object.entries(changes).filter(isValid));
+}
+
+/** A value as a script has it. @param {any} value */
+function shown(value) {
+  return typeof value === 'string' ? `'${value}'` : String(value);
 }
 
 /**

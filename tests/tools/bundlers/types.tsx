@@ -26,10 +26,13 @@ insulaObject({ Mesh: class {} }, { url: '/v1/cities/monaco', origin: [0, 0, 0] }
 // @ts-expect-error: there is no such state.
 city.setFeatureState(3, { colour: 'red' });
 
+// @ts-expect-error: the detail of this event has no camera.
+export const wrong = <insula-city onready={({ detail }) => console.log(detail.camera)} />;
+
 export function City({ src }: { src: string }) {
   const element = useRef<HTMLElementTagNameMap['insula-city']>(null);
   useEffect(() => {
     element.current?.whenReady().then(({ title }) => console.log(title));
   }, []);
-  return <insula-city ref={element} src={src} adapter="cpu" />;
+  return <insula-city ref={element} src={src} adapter="cpu" onpick={({ detail: { object } }) => console.log(object?.kind)} />;
 }
