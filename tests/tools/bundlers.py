@@ -7,7 +7,7 @@ CITY is a baked city whose manifest has a location, PROGRAM `insula-server`, FOL
 `client/web/dist/package`. A WAY is one of vite, vite-dev, webpack, esbuild, next, plain and types; without any, all are tried.
 
 npm packs the package and installs it with the newest bundlers from the registry. Each page is `bundlers/main.js` as it is: it draws the
-city, uses degrees, gives objects a colour, draws GeoJSON and casts without an element. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each
+city, uses degrees, gives objects a colour, draws GeoJSON, adds a model and casts without an element. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each
 way, writes the pictures to the folder of `--out`, and exits with 1 if a build fails, a page has an error or a picture shows no city.
 """
 import argparse, contextlib, functools, http.server, json, os, pathlib, re, shutil, signal, subprocess, sys, tempfile, threading, time

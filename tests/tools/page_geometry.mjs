@@ -21,6 +21,7 @@ const { cameraText, earthCamera, fitting, projected, unprojected } = await impor
 const { shapesOf } = await import(address('geojson.js'));
 const { cells, dense } = await import(address('plan-cells.js'));
 const { codeOf } = await import(address('key-table.js'));
+const { readModel } = await import(address('model-reader.js'));
 const { validChanges } = await import(address('viewer-options.js'));
 const { BookmarkStore } = await import(address('bookmark-store.js'));
 
@@ -43,6 +44,26 @@ class Storage extends Map {
     if (this.isFull) throw new Error('full');
     this.set(key, text);
   }
+}
+
+/** A GLB of a triangle, with changes. */
+function triangle(change = () => {}) {
+  const binary = Buffer.concat([Buffer.from(new Float32Array([0, 0, 0, 2, 0, 0, 0, 1, -4]).buffer), Buffer.from(new Uint16Array([0, 1, 2, 0]).buffer)]);
+  const root = {
+    asset: { version: '2.0' },
+    nodes: [{ mesh: 0, translation: [10, 0, 0], children: [1] }, { mesh: 0, scale: [-1, 1, 1] }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, indices: 1, material: 0 }] }],
+    materials: [{ pbrMetallicRoughness: { baseColorFactor: [1, 0.2158605, 0, 1] } }],
+    accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: 'VEC3' }, { bufferView: 1, componentType: 5123, count: 3, type: 'SCALAR' }],
+    bufferViews: [{ buffer: 0, byteLength: 36 }, { buffer: 0, byteOffset: 36, byteLength: 6 }],
+    buffers: [{ byteLength: 44 }],
+  };
+  change(root);
+  const json = Buffer.from(JSON.stringify(root));
+  const words = (...numbers) => Buffer.from(new Uint32Array(numbers).buffer);
+  const parts = [words(json.length, 0x4e4f534a), json, words(binary.length, 0x004e4942), binary];
+  const length = parts.reduce((sum, part) => sum + part.length, 12);
+  return new Uint8Array(Buffer.concat([words(0x46546c67, 2, length), ...parts])).buffer;
 }
 
 /** What the console was told while `action` ran. */
@@ -85,6 +106,32 @@ const tests = {
     }
     const others = () => assert.deepEqual(validChanges({ url: 'a', tau: 3 }, { hasOthers: true }), { tau: 3 });
     assert.deepEqual(warnings(others), []);
+  },
+  'models are triangles with z up, and colours'() {
+    const { positions, colours, triangles } = readModel(triangle());
+    near([...positions], [10, 0, 0, 12, 0, 0, 10, 4, 1, 10, 0, 0, 8, 0, 0, 10, 4, 1], 1e-6);
+    // A mirrored node keeps what is outside.
+    assert.deepEqual([...triangles], [0, 1, 2, 3, 5, 4]);
+    assert.deepEqual([...colours.slice(0, 3)], [255, 128, 0]);
+    const strip = readModel(triangle(({ meshes: [{ primitives: [primitive] }] }) => Object.assign(primitive, { mode: 5, indices: undefined })));
+    assert.deepEqual([...strip.triangles.slice(0, 3)], [0, 1, 2]);
+  },
+  'models that cannot be read say why'() {
+    for (const [change, words] of [
+      [(root) => (root.extensionsRequired = ['KHR_draco_mesh_compression']), 'KHR_draco_mesh_compression'],
+      [(root) => (root.accessors[0].count = 4e9), 'too many vertices'],
+      [(root) => (root.accessors[0].count = 4), 'behind the file'],
+      [(root) => Object.assign(root.accessors[1], { bufferView: 0, byteOffset: 12 }), 'does not exist'],
+      [(root) => (root.bufferViews[0].byteOffset = -4), 'behind the file'],
+      [(root) => (root.bufferViews[0].buffer = 1), 'files beside it'],
+      [(root) => (root.nodes[1].children = [0]), 'no triangles'],
+      [(root) => Object.assign(root, { scenes: [{ nodes: [0] }], nodes: [{ children: [0] }] }), 'nested too deeply'],
+      [(root) => (root.nodes[0].translation = ['east', 0, 0]), 'no number'],
+    ]) {
+      assert.throws(() => readModel(triangle(change)), ({ message }) => message.includes(words), words);
+    }
+    const whole = triangle();
+    for (let length = 0; length < whole.byteLength; length++) assert.throws(() => readModel(whole.slice(0, length)), Error, String(length));
   },
   'degrees come back'() {
     for (const place of [[4.3577, 52.0114], [4.5, 52.1], [4.2, 51.9]]) near(grid.toLonLat(grid.toXy(place)), place, 1e-9);

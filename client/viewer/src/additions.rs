@@ -42,6 +42,14 @@ pub struct PackedAddition {
     pub(crate) mesh: PackedMesh,
 }
 
+impl PackedAddition {
+    /// A mesh with colours, relative to a position. `objects` are those of its triangles, or empty. Fails if it is too large or
+    /// incomplete.
+    pub fn new(mesh: &Mesh, corner: DVec3, objects: &[u32]) -> Result<Self, PackError> {
+        Ok(Self { corner, mesh: PackedMesh::new(mesh, None, objects, &[])? })
+    }
+}
+
 impl AddedObject {
     /// World coordinates of the middle of its box; `None` without triangles.
     pub fn centre(&self) -> Option<[f64; 3]> {
@@ -71,7 +79,7 @@ pub fn pack(objects: &[AddedObject]) -> Result<Vec<PackedAddition>, AdditionErro
         for triangles in object.triangles.chunks(MAX_TRIANGLES) {
             let mesh = mesh_of(triangles, corner);
             let numbers = vec![number; triangles.len()];
-            packed.push(PackedAddition { corner, mesh: PackedMesh::new(&mesh, None, &numbers, &[])? });
+            packed.push(PackedAddition::new(&mesh, corner, &numbers)?);
         }
     }
     Ok(packed)

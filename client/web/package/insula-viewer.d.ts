@@ -55,6 +55,23 @@ export interface FigureStyle {
   hidden?: boolean;
 }
 
+/** A model and where it stands. */
+export interface ModelValues {
+  /** Address of a glTF file in one piece (`.glb`), at most 64 MiB. */
+  url?: string;
+  /** Such a file, instead of its address. */
+  bytes?: ArrayBuffer | ArrayBufferView;
+  /** Where the origin of the model is, in degrees. */
+  lon: number;
+  lat: number;
+  /** Metres of the city's system. Without it, the model stands on the city, as finely as that is loaded. */
+  height?: number;
+  /** Degrees clockwise, by which the model is turned. With 0, its z points south. */
+  heading?: number;
+  /** By which its size is multiplied; 1 for a model in metres. */
+  scale?: number;
+}
+
 /** What `addGeoJson` has added. */
 export interface GeoJsonLayer {
   /** Of the features that are drawn; `null` for those without. */
@@ -395,6 +412,14 @@ export class InsulaCity extends HTMLElement {
     data: object,
     style?: FigureStyle | ((feature: { id: string | number | null; properties: any }) => FigureStyle),
   ): Promise<GeoJsonLayer>;
+  /**
+   * Adds the triangles of a model to the city until `src` changes. They have the colours of its materials and corners, not its
+   * textures; they cast shadows, and hide what is behind them. Resolves to a number for `removeModel`. Fails if the file cannot be read,
+   * has more than 262,144 triangles, or needs an extension such as compression, and if it is not known where the city lies.
+   */
+  addModel(model: ModelValues): Promise<number>;
+  /** Removes a model. Returns whether there was one of this number. */
+  removeModel(id: number): boolean;
   /** Sets the time of the light. */
   setTime(time: TimeText): void;
   /**

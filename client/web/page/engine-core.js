@@ -49,6 +49,7 @@ export class Engine {
   /** Pictures that were asked for; the first is being made.
    * @type {{id: number, width: number, height: number, caption: string[]}[]} */
   #pictures = [];
+  /** Messages about models, which change between frames: all tiles are fetched again. @type {any[]} */ #models = [];
   /** Who waits for the end of a flight, and whether the camera has moved since.
    * @type {{id: number, isUnderWay: boolean}[]} */
   #arrivals = [];
@@ -142,6 +143,7 @@ export class Engine {
     const lost = this.#viewer.lostGpu();
     if (lost !== undefined) this.#loseGpu(lost);
     if (this.#isShrinking) await this.#shrink();
+    this.#changeModels();
     const step = JSON.parse(this.#viewer.update());
     this.#arrivals.forEach((arrival) => (arrival.isUnderWay = true));
     this.#report();
@@ -368,6 +370,26 @@ export class Engine {
     reply(id, Promise.resolve(this.#viewer.seenPoints(points)));
   }
 
+  addModel(message) {
+    this.#models.push(message);
+    this.wake();
+  }
+
+  removeModel(message) {
+    this.addModel(message);
+  }
+
+  #changeModels() {
+    for (const { op, id, number, origin, positions, colours, triangles } of this.#models.splice(0)) {
+      const change = async () => {
+        if (op === 'removeModel') this.#viewer.removeModel(number);
+        else this.#viewer.addModel(number, new Float64Array(origin), positions, colours, triangles);
+        return null;
+      };
+      reply(id, change());
+    }
+  }
+
   loseDevice() {
     this.#viewer.destroyGpu();
     setTimeout(() => this.wake(), 100);
@@ -401,7 +423,7 @@ function parsed(json) {
 }
 
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen'];
+const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen', 'addModel', 'removeModel'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {

@@ -1,5 +1,6 @@
 /** The element as pages of others have it: with degrees, figures of GeoJSON, and states of single objects. */
 
+import { AddedModels } from './added-models.js';
 import { DrapedFigures } from './draped-figures.js';
 import { cameraText, earthCamera, fitting, projected, unprojected } from './earth-camera.js';
 import { shapesOf } from './geojson.js';
@@ -20,12 +21,16 @@ export class InsulaCity extends Element {
   /** @type {{manifest: any, grid: import('./lon-lat.js').LonLatGrid|null}} */
   #known = { manifest: null, grid: null };
   /** @type {DrapedFigures|null} */ #figures = null;
+  #models = new AddedModels((op, values) => this.ask(op, values));
   #states = new ObjectStates((op, values) => this.steer(op, values));
 
   constructor() {
     super();
     this.addEventListener('frame', ({ detail }) => this.#figures?.show(detail));
-    this.addEventListener('ready', () => this.#states.sendAll());
+    this.addEventListener('ready', () => {
+      this.#states.sendAll();
+      this.#models.sendAll();
+    });
   }
 
   /** Numbers of objects and places on Earth are those of one city. */
@@ -33,6 +38,7 @@ export class InsulaCity extends Element {
     if (name === 'src' && before !== null && before !== value) {
       this.#states.clear();
       this.#figures?.clear();
+      this.#models.clear();
     }
     super.attributeChangedCallback(name, before, value);
   }
@@ -119,6 +125,21 @@ export class InsulaCity extends Element {
     const { shapes, skipped } = shapesOf(data, this.#needGrid());
     this.#figures ??= new DrapedFigures(this, (op, values) => this.ask(op, values));
     return { ...this.#figures.add(shapes, style), skipped };
+  }
+
+  async addModel({ url, bytes, lon, lat, height, heading = 0, scale = 1 }) {
+    if (!Number.isFinite(heading) || !(Number.isFinite(scale) && scale > 0)) throw new RangeError('a heading is a number, a scale one above 0');
+    await this.whenReady();
+    this.#checkNear({ lon, lat });
+    const [x, y, z] = this.toPosition({ lon, lat, height });
+    const ground = height ?? (await this.ask('heights', { places: new Float64Array([x, y]) }))[0];
+    const level = { lon, lat, height: z, pitch: 0, fov: DEFAULT_FOV_DEG };
+    const azimuth = Number(cameraText(this.#needGrid(), { ...level, heading }).split(',')[3]);
+    return this.#models.add({ url, bytes }, [x, y, ground], azimuth, scale);
+  }
+
+  removeModel(id) {
+    return this.#models.remove(id);
   }
 
   /** The grid of the city's longitudes and latitudes; `null` before the manifest, and if it does not say where the city lies. */

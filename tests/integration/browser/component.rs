@@ -6,7 +6,7 @@
 use super::{
     browser,
     site::publish,
-    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep, serve},
+    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, ensure_same_view, keep, serve},
 };
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
@@ -14,6 +14,7 @@ use insula_tests::{
     browser::{
         Button, PageOptions,
         city_page::{CityPage, colours},
+        same_picture::share_of_same,
     },
     fixtures,
     programs::ServerProcess,
@@ -22,6 +23,18 @@ use serde_json::{Value, json};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
+/// A script's expression of a glTF file in one piece: a large triangle that faces south and up.
+const MODEL: &str = r"(() => {
+    const positions = new Uint8Array(new Float32Array([-150, 5, 150, 150, 5, 150, 0, 120, -150]).buffer);
+    const json = JSON.stringify({
+        asset: { version: '2.0' }, nodes: [{ mesh: 0 }], meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }],
+        accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: 'VEC3' }],
+        bufferViews: [{ buffer: 0, byteLength: 36 }], buffers: [{ byteLength: 36 }],
+    });
+    const words = (...numbers) => new Uint32Array(numbers);
+    const parts = [words(json.length, 0x4e4f534a), json, words(36, 0x004e4942), positions];
+    return new Blob([words(0x46546c67, 2, 12 + 8 + json.length + 8 + 36), ...parts]).arrayBuffer();
+})()";
 /// Of a page with one city, and of one with two or a map.
 const SMALL: [u32; 2] = [480, 640];
 const LARGE: [u32; 2] = [1000, 800];
@@ -252,7 +265,26 @@ pub(super) fn the_geojson_example_runs() -> Result<()> {
         REACTION,
     )?;
     keep(page, "example-geojson")?;
-    example.ensure_cities(1)
+    example.ensure_cities(1)?;
+    adding_a_model_changes_the_picture(page)?;
+    ensure_no_problems(page)
+}
+
+/// The model stands in the middle of the view until it is removed.
+fn adding_a_model_changes_the_picture(page: &CityPage) -> Result<()> {
+    let (city, without) = (CityPage::element(0), page.picture(0, PICTURE)?);
+    let middle = format!("{city}.pick({city}.clientWidth / 2, {city}.clientHeight / 2)");
+    let add = format!("([bytes, {{ lon, lat }}]) => {city}.addModel({{ bytes, lon, lat, heading: 20 }})");
+    page.page.evaluate(&format!(
+        "Promise.all([{MODEL}, {middle}]).then({add}).then(number => {{ globalThis.model = number }})"
+    ))?;
+    let same = share_of_same(&without, &page.picture(0, PICTURE)?)?;
+    page.wait_until_final(0)?;
+    keep(page, "example-geojson-model")?;
+    ensure!(same < 0.95, "{same} of the pixels are the same with a model");
+    let removed = page.page.evaluate(&format!("[{city}.removeModel(model), {city}.removeModel(model)]"))?;
+    ensure!(removed == json!([true, false]), "{removed}");
+    ensure_same_view(&without, &page.picture(0, PICTURE)?)
 }
 
 /// The map and the city follow each other.

@@ -98,6 +98,33 @@ async function useDegrees() {
   return frame;
 }
 
+/** A glTF file in one piece: a large red triangle that faces up. */
+function triangle() {
+  const json = JSON.stringify({
+    asset: { version: '2.0' },
+    nodes: [{ mesh: 0 }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0 }] }],
+    materials: [{ pbrMetallicRoughness: { baseColorFactor: [0.5, 0, 0, 1] } }],
+    accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: 'VEC3' }],
+    bufferViews: [{ buffer: 0, byteLength: 36 }],
+    buffers: [{ byteLength: 36 }],
+  });
+  const words = (...numbers) => new Uint32Array(numbers);
+  const positions = new Float32Array([-60, 60, 60, 60, 60, 60, 0, 60, -60]);
+  const parts = [words(json.length, 0x4e4f534a), json, words(36, 0x004e4942), positions];
+  return new Blob([words(0x46546c67, 2, 12 + 8 + json.length + 8 + 36), ...parts]).arrayBuffer();
+}
+
+/** A model stands in the middle of the view until it is removed. */
+async function useModel() {
+  const [{ lon, lat }, before] = [city.unproject(320, 200), await redShare()];
+  const model = await city.addModel({ bytes: await triangle(), lon, lat, heading: 20 });
+  const shown = await redShare();
+  if (!city.removeModel(model)) throw new Error('there is no model');
+  const after = await redShare();
+  if (shown < before + 0.02 || after > before + 0.01) throw new Error(`red: ${before}, ${shown} with a model, ${after}`);
+}
+
 /** A caster has a worker of its own. */
 async function useCaster() {
   if (insulaLayer({ url: city.src }).id !== 'insula' || typeof insulaObject !== 'function') throw new Error('no layer');
@@ -114,6 +141,7 @@ city.addEventListener('ready', async () => {
     const colours = await coloursOf();
     await useStates();
     await useDegrees();
+    await useModel();
     await useCaster();
     const picture = await city.screenshot({ width: 640, height: 400 });
     await send('picture', picture);

@@ -16,6 +16,10 @@ const at: { x: number; y: number } | null = city.project([7.42, 43.74]);
 const layer: GeoJsonLayer = await city.addGeoJson({ type: 'FeatureCollection', features: [] }, ({ id }) => ({ color: String(id) }));
 layer.setState(at === null ? null : 'a', { hidden: true });
 city.setFeatureState(3, { color: null });
+const model: number = await city.addModel({ url: 'tower.glb', lon: 7.42, lat: 43.74, heading: 20 });
+const wasThere: boolean = city.removeModel(model);
+// @ts-expect-error: a model has a place.
+await city.addModel({ url: wasThere ? 'a.glb' : 'b.glb' });
 // @ts-expect-error: a longitude is a number.
 await city.flyTo({ lon: '7.42', lat: 43.74 });
 const caster = await createCaster({ url: '/v1/cities/monaco', onFrame: ({ distances }: Cast) => console.log(distances.length) });

@@ -9,7 +9,7 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 8] = [
+const ENTRIES: [(&str, &str); 9] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
     ("engine.js", "engine.js"),
@@ -18,6 +18,7 @@ const ENTRIES: [(&str, &str); 8] = [
     ("maplibre-layer.js", "insula-maplibre.js"),
     ("three-object.js", "insula-three.js"),
     ("cast-engine.js", "cast-engine.js"),
+    ("model-reader.js", "model-reader.js"),
 ];
 /// Made by wasm-bindgen; several entries share it.
 const EXTERNAL: &str = "insula_web.js";

@@ -1,4 +1,4 @@
-/** Degrees: a district, a way and a stop lie on the city, and a clicked object gets a colour of its own. */
+/** Degrees: a district, a way and a stop lie on the city, a model stands in it, and a clicked object gets a colour of its own. */
 
 import '../insula-city.js';
 
@@ -35,6 +35,17 @@ async function start() {
     const data = JSON.parse(await target.files[0].text());
     const { ids: added, skipped } = await city.addGeoJson(data);
     show('state', `${added.length} features, ${skipped.length} skipped`);
+  });
+  let model = null;
+  document.getElementById('model').addEventListener('change', async ({ target }) => {
+    if (model !== null) city.removeModel(model);
+    model = null;
+    try {
+      model = await city.addModel({ bytes: await target.files[0].arrayBuffer(), lon, lat, heading: 20 });
+      show('state', `model ${model}`);
+    } catch ({ message }) {
+      show('state', message);
+    }
   });
 }
 

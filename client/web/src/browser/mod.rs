@@ -9,6 +9,7 @@ mod frame_job;
 mod frame_loop;
 mod gpu_canvas;
 pub mod host;
+mod models;
 mod navigation;
 pub mod objects;
 mod overlay;

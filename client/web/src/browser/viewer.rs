@@ -16,6 +16,7 @@ use insula_archive::city::parse_manifest;
 use insula_protocol::Manifest;
 use insula_shaders::layout::Shading;
 use insula_viewer::{
+    additions::{AdditionError, PackedAddition},
     cache::pages_for,
     camera::{Camera, View},
     camera_text,
@@ -30,7 +31,7 @@ use insula_viewer::{
     sun::{Daylight, SunOptions, parse_time},
     switching::SwitchDistances,
 };
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 use wasm_bindgen::prelude::*;
 use web_sys::OffscreenCanvas;
 use web_time::Instant;
@@ -73,6 +74,8 @@ pub struct CityViewer {
     pub(crate) measure: MeasureTool,
     pub(crate) markers: Vec<DVec3>,
     pub(crate) lines: Vec<Vec<DVec3>>,
+    /// By the page's numbers.
+    pub(crate) models: BTreeMap<u32, PackedAddition>,
     pub(crate) view_state: Option<DrawnView>,
     /// Requests for fine tiles that may still start while the frame is drawn.
     pub(crate) fine_requests: usize,
@@ -127,6 +130,7 @@ impl CityViewer {
             measure: MeasureTool::default(),
             markers: Vec::new(),
             lines: Vec::new(),
+            models: BTreeMap::new(),
             view_state: None,
             fine_requests: 0,
             style_changes: 0,
@@ -185,15 +189,16 @@ impl CityViewer {
         let mut gpu = handle.gpu;
         let name = gpu.name();
         let pages = gpu.adapter.pages();
-        match self.renderer.past_writes() {
-            Some(writes) if pages >= self.streamer.cache().capacity_pages() => {
-                page_writes::apply(&writes, &mut gpu.adapter);
-                self.streamer.grow_cache(pages);
-            }
-            // Its atlas is empty or smaller.
-            _ => self.restart(pages),
+        let kept = self.renderer.past_writes().filter(|_| pages >= self.streamer.cache().capacity_pages());
+        if let Some(writes) = &kept {
+            page_writes::apply(writes, &mut gpu.adapter);
+            self.streamer.grow_cache(pages);
         }
         self.renderer = Renderer::Gpu(gpu);
+        if kept.is_none() {
+            // Its atlas is empty or smaller.
+            self.renew(pages);
+        }
         self.pacer.restart(Instant::now(), false);
         (self.job, self.view_state) = (None, None);
         name
@@ -233,18 +238,18 @@ impl CityViewer {
     #[wasm_bindgen(js_name = resizeCache)]
     pub fn resize_cache(&mut self, cache_bytes: f64) {
         self.cache_bytes = cache_bytes as u64;
-        self.restart(pages_for(self.cache_bytes));
         self.renderer = Renderer::default();
         self.renderer.forget_past_writes();
+        self.renew(pages_for(self.cache_bytes));
     }
 
     /// Draws on the CPU again because the GPU failed. The workers' atlases are empty, so tiles are fetched again.
     #[wasm_bindgen(js_name = loseGpu)]
     pub fn lose_gpu(&mut self, cache_bytes: f64) {
         self.cache_bytes = cache_bytes as u64;
-        self.restart(pages_for(self.cache_bytes));
         self.renderer = Renderer::default();
         self.renderer.forget_past_writes();
+        self.renew(pages_for(self.cache_bytes));
         self.pacer.restart(Instant::now(), true);
     }
 }
@@ -256,11 +261,23 @@ pub struct GpuHandle {
 }
 
 impl CityViewer {
-    fn restart(&mut self, pages: u32) {
+    /// Begins again without any tile, but with the page's models. Fails if they are too large, and then is without them.
+    pub(crate) fn restart(&mut self, pages: u32) -> Result<(), AdditionError> {
         let (manifest, styles) = (self.streamer.tree().manifest().clone(), self.styles().clone());
         self.streamer = open_streamer(&self.host, &self.source, manifest, pages);
         self.apply_styles(styles);
         (self.job, self.view_state) = (None, None);
+        if self.models.is_empty() {
+            return Ok(());
+        }
+        self.streamer.set_additions(self.models.values().cloned().collect(), &mut self.renderer)
+    }
+
+    /// The same. Says in the console why the models are missing.
+    pub(crate) fn renew(&mut self, pages: u32) {
+        if let Err(error) = self.restart(pages) {
+            tracing::warn!("the models are not shown: {error}");
+        }
     }
 
     pub(crate) fn elapsed(&self) -> std::time::Duration {
