@@ -131,12 +131,12 @@ pub enum ServerCommand {
     Setup(SetupCommand),
 }
 
-/// What is read of the inputs, and where it goes.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(
     mut_arg("bbox", |arg| arg.help("Only objects that reach into this area, in degrees")),
     mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system, of which all inputs are read"))
 )]
+/// What is read of the inputs, and where it goes.
 pub struct ReadArgs {
     /// Coordinate system of the city, as in EPSG:25832 [default: the first projected one of the inputs, else a UTM zone]
     #[arg(long, value_name = "EPSG:N", value_parser = parse_crs)]

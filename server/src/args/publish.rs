@@ -9,12 +9,12 @@ use crate::{
 use insula_command_line::area::AreaArgs;
 use std::{path::PathBuf, time::Duration};
 
-/// Arguments of `sign`.
 #[derive(Debug, clap::Args)]
 #[command(
     mut_arg("bbox", |arg| arg.help("Area that the link opens, in degrees, with the city's folder as --city [default: all]")),
     mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system"))
 )]
+/// Arguments of `sign`.
 pub struct SignArgs {
     /// Name of the city, or its folder
     #[arg(long, value_name = "NAME|CITY", value_parser = parse_signed_city)]
