@@ -1,7 +1,9 @@
 //! Triangles as glTF stores them: quantised positions, colours or texture coordinates, and feature ids, interleaved.
 
-/// Bytes of the positions of a vertex: three 16-bit integers, padded to the alignment that attributes must have.
-const POSITION_BYTES: usize = 8;
+/// Bytes of the position of a vertex: three 16-bit integers, padded to the alignment that attributes must have, or three floats.
+const POSITION_BYTES: [usize; 2] = [8, 12];
+/// Bytes of texture coordinates: two 16-bit integers, or two floats.
+const UV_BYTES: [usize; 2] = [4, 8];
 /// Bytes of each other attribute of a vertex.
 const ATTRIBUTE_BYTES: usize = 4;
 /// Feature of vertices without an object.
@@ -44,16 +46,16 @@ impl Layout {
 }
 
 impl Geometry {
-    fn layout(&self) -> Layout {
-        let mut stride = POSITION_BYTES;
-        let mut place = |is_present: bool| {
+    fn layout(&self, has_floats: bool) -> Layout {
+        let mut stride = POSITION_BYTES[usize::from(has_floats)];
+        let mut place = |is_present: bool, bytes: usize| {
             let at = stride;
-            stride += if is_present { ATTRIBUTE_BYTES } else { 0 };
+            stride += if is_present { bytes } else { 0 };
             is_present.then_some(at)
         };
-        let colour = place(!self.colours.is_empty());
-        let uv = place(!self.uv.is_empty());
-        let feature = place(!self.features.is_empty());
+        let colour = place(!self.colours.is_empty(), ATTRIBUTE_BYTES);
+        let uv = place(!self.uv.is_empty(), UV_BYTES[usize::from(has_floats)]);
+        let feature = place(!self.features.is_empty(), ATTRIBUTE_BYTES);
         let wide_features = self.features.iter().any(|feature| *feature >= NULL_FEATURES[0] && *feature != NO_FEATURE);
         Layout { stride, colour, uv, feature, wide_features }
     }
@@ -65,19 +67,27 @@ impl Geometry {
         }
     }
 
-    /// The vertices one after the other.
-    pub(super) fn interleaved(&self) -> (Vec<u8>, Layout) {
-        let layout = self.layout();
+    /// The vertices one after the other. `has_floats`: positions and texture coordinates are floats, otherwise 16-bit integers.
+    pub(super) fn interleaved(&self, has_floats: bool) -> (Vec<u8>, Layout) {
+        let layout = self.layout(has_floats);
         let mut out = vec![0; layout.stride * self.positions.len()];
         for (i, vertex) in out.chunks_exact_mut(layout.stride).enumerate() {
             let mut put = |at: usize, bytes: &[u8]| vertex[at..at + bytes.len()].copy_from_slice(bytes);
-            let [x, y, z] = self.positions[i].map(u16::to_le_bytes);
-            put(0, &[x, y, z].concat());
+            let position = self.positions[i];
+            if has_floats {
+                put(0, &position.map(|at| f32::from(at).to_le_bytes()).concat());
+            } else {
+                put(0, &position.map(u16::to_le_bytes).concat());
+            }
             if let Some((at, [r, g, b])) = layout.colour.zip(self.colours.get(i).copied()) {
                 put(at, &[r, g, b, u8::MAX]);
             }
             if let Some((at, uv)) = layout.uv.zip(self.uv.get(i)) {
-                put(at, &uv.map(u16::to_le_bytes).concat());
+                if has_floats {
+                    put(at, &uv.map(|share| (f32::from(share) / f32::from(u16::MAX)).to_le_bytes()).concat());
+                } else {
+                    put(at, &uv.map(u16::to_le_bytes).concat());
+                }
             }
             if let Some((at, feature)) = layout.feature.zip(self.features.get(i).copied()) {
                 let feature = if feature == NO_FEATURE { layout.null_feature() } else { feature };
@@ -123,12 +133,21 @@ mod tests {
             features: vec![3, 70_000],
             ..Geometry::default()
         };
-        let (bytes, layout) = geometry.interleaved();
+        let (bytes, layout) = geometry.interleaved(false);
         assert_eq!((layout.stride, layout.colour, layout.uv, layout.feature), (16, Some(8), None, Some(12)));
         assert_eq!(&bytes[..8], &[1, 0, 2, 0, 3, 0, 0, 0]);
         assert_eq!(&bytes[24..28], &[7, 8, 9, 255]);
         assert_eq!(f32::from_le_bytes(bytes[28..32].try_into().unwrap()), 70_000.0);
         assert_eq!(geometry.bounds(), [[1, 2, 3], [4, 5, 600]]);
+    }
+
+    #[test]
+    fn floats_have_the_same_values() {
+        let geometry = Geometry { positions: vec![[1, 2, 600]], uv: vec![[0, u16::MAX]], ..Geometry::default() };
+        let (bytes, layout) = geometry.interleaved(true);
+        assert_eq!((layout.stride, layout.uv), (20, Some(12)));
+        let floats: Vec<f32> = bytes.chunks(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
+        assert_eq!(floats, [1.0, 2.0, 600.0, 0.0, 1.0]);
     }
 
     #[test]

@@ -15,7 +15,7 @@
 //! | `selection` | which part of a city an export has |
 //! | `source` | what an export reads: tiles and objects of a city |
 //! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf |
-//! | `tiles3d` | 3D Tiles with an implicit quadtree |
+//! | `tiles3d` | 3D Tiles, with an implicit quadtree or all tiles listed |
 
 mod boxes;
 pub mod camera;

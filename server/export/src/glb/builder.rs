@@ -9,8 +9,9 @@ use super::{
         Scene, TextureInfo, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT,
     },
     geometry::{Geometry, Layout, NO_FEATURE},
+    jpeg::jpeg_of,
 };
-use insula_protocol::Manifest;
+use insula_protocol::{Manifest, mesh_tile::TileTexture};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -25,11 +26,14 @@ const WEBP: &str = "EXT_texture_webp";
 const MESH_FEATURES: &str = "EXT_mesh_features";
 const STRUCTURAL_METADATA: &str = "EXT_structural_metadata";
 
-/// Whether vertices and indices are compressed.
+/// How vertices, indices and textures are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Packing {
+    /// As all readers of glTF 2.0 know them: positions as floats, textures as JPEG files.
     Plain,
-    /// By `EXT_meshopt_compression`, which a reader must then support.
+    /// Positions of 16 bits and WebP files, which a reader must support.
+    Quantised,
+    /// As `Quantised`, compressed by `EXT_meshopt_compression`, which a reader must then support, too.
     Meshopt,
 }
 
@@ -87,7 +91,8 @@ impl GlbBuilder {
 
     /// Adds a mesh. Fails if it is too large for glTF, or cannot be compressed.
     pub(crate) fn add_mesh(&mut self, geometry: &Geometry, material: usize) -> Result<usize, ExportError> {
-        let (bytes, layout) = geometry.interleaved();
+        let is_plain = self.packing == Packing::Plain;
+        let (bytes, layout) = geometry.interleaved(is_plain);
         let vertices = geometry.positions.len();
         let view = self.add_vertices(&bytes, layout.stride, vertices)?;
         let accessor = |byte_offset: usize, component_type: u32, normalized: bool, shape: &'static str| Accessor {
@@ -100,11 +105,14 @@ impl GlbBuilder {
             ..Accessor::default()
         };
         let [min, max] = geometry.bounds().map(Some);
-        let position = Accessor { min, max, ..accessor(0, UNSIGNED_SHORT, false, "VEC3") };
+        let number = if is_plain { FLOAT } else { UNSIGNED_SHORT };
+        let position = Accessor { min, max, ..accessor(0, number, false, "VEC3") };
         let position = self.push_accessor(position);
-        self.required.insert(QUANTIZATION);
+        if !is_plain {
+            self.required.insert(QUANTIZATION);
+        }
         let colour = layout.colour.map(|at| self.push_accessor(accessor(at, UNSIGNED_BYTE, true, "VEC4")));
-        let uv = layout.uv.map(|at| self.push_accessor(accessor(at, UNSIGNED_SHORT, true, "VEC2")));
+        let uv = layout.uv.map(|at| self.push_accessor(accessor(at, number, !is_plain, "VEC2")));
         let feature_type = if layout.wide_features { FLOAT } else { UNSIGNED_SHORT };
         let feature = layout.feature.map(|at| self.push_accessor(accessor(at, feature_type, false, "SCALAR")));
         let extensions = feature.is_some().then(|| self.feature_extension(geometry, layout));
@@ -189,10 +197,15 @@ impl GlbBuilder {
         })
     }
 
-    /// Adds a WebP file as the texture of a new material.
-    pub(crate) fn add_textured_material(&mut self, webp: &[u8]) -> usize {
-        self.required.insert(WEBP);
-        let buffer_view = self.add_bytes(webp, 4);
+    /// Adds a texture with a new material. Fails if it must be a JPEG file and is damaged.
+    pub(crate) fn add_textured_material(&mut self, texture: &TileTexture) -> Result<usize, ExportError> {
+        let is_plain = self.packing == Packing::Plain;
+        let buffer_view = if is_plain {
+            self.add_bytes(&jpeg_of(texture)?, 4)
+        } else {
+            self.required.insert(WEBP);
+            self.add_bytes(&texture.bytes, 4)
+        };
         let document = &mut self.document;
         if document.samplers.is_empty() {
             document.samplers.push(Sampler {
@@ -202,11 +215,15 @@ impl GlbBuilder {
                 wrap_t: CLAMP_TO_EDGE,
             });
         }
-        document.images.push(Image { buffer_view, mime_type: "image/webp" });
+        document.images.push(Image { buffer_view, mime_type: if is_plain { "image/jpeg" } else { "image/webp" } });
         let source = document.images.len() - 1;
-        document.textures.push(json!({ "sampler": 0, "extensions": { WEBP: { "source": source } } }));
+        document.textures.push(if is_plain {
+            json!({ "sampler": 0, "source": source })
+        } else {
+            json!({ "sampler": 0, "extensions": { WEBP: { "source": source } } })
+        });
         let texture = TextureInfo { index: document.textures.len() - 1 };
-        self.add_material(PbrMetallicRoughness { base_color_texture: Some(texture), ..MATT })
+        Ok(self.add_material(PbrMetallicRoughness { base_color_texture: Some(texture), ..MATT }))
     }
 
     /// The material of meshes with colours of vertices.

@@ -83,7 +83,7 @@ impl<'a> ContentWriter<'a> {
         for (stone, geometry) in parts {
             let material = match (stone.and_then(|stone| self.stones.material(stone)), &tile.texture) {
                 (Some(material), None) => glb.add_material(material),
-                (_, Some(texture)) => glb.add_textured_material(&texture.bytes),
+                (_, Some(texture)) => glb.add_textured_material(texture)?,
                 _ => glb.plain_material(),
             };
             let mesh = glb.add_mesh(&geometry, material)?;

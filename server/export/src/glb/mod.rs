@@ -5,9 +5,9 @@
 //!
 //! | extension | for | required |
 //! |---|---|---|
-//! | `KHR_mesh_quantization` | positions of 16 bits | yes |
-//! | `EXT_texture_webp` | textures, as the city has them | if there are textures |
-//! | `EXT_meshopt_compression` | vertices and triangles of 3D Tiles | in 3D Tiles |
+//! | `KHR_mesh_quantization` | positions of 16 bits | yes, but in plain 3D Tiles |
+//! | `EXT_texture_webp` | textures, as the city has them | if there are textures, but in plain 3D Tiles |
+//! | `EXT_meshopt_compression` | vertices and triangles of 3D Tiles | in 3D Tiles that are not plain |
 //! | `EXT_mesh_features` | `_FEATURE_ID_0` of each vertex: the row of its object | no |
 //! | `EXT_structural_metadata` | the property table of the objects | no |
 
@@ -17,6 +17,7 @@ mod compress;
 pub(crate) mod content;
 mod document;
 mod error;
+mod jpeg;
 pub(crate) mod metadata;
 pub(crate) mod objects;
 pub(crate) mod reach;
@@ -88,7 +89,7 @@ pub fn write_glb(
         source,
         content: ContentWriter::new(source, selection, &reader),
         reader: &reader,
-        glb: GlbBuilder::new(manifest, Packing::Plain),
+        glb: GlbBuilder::new(manifest, Packing::Quantised),
         rows: Rows::default(),
         origin: middle(source, selection),
     };

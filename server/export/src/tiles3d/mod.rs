@@ -1,19 +1,21 @@
-//! 3D Tiles 1.1: a city as a tileset with an implicit quadtree (OGC 22-025r4, "Implicit tiling").
+//! 3D Tiles 1.1: a city as a tileset, with an implicit quadtree (OGC 22-025r4, "Implicit tiling") or in a plain form that lists all tiles.
 //!
 //! The quadtree is the city's own: tile `level/x/y` is node `level/x/y`. A leaf has the finest mesh of the city, other nodes have boxes
-//! of merged columns. Refinement replaces a tile by its children. Geometric errors are the measured ones of the city, in the metadata
-//! of subtree files as the bounding boxes are.
+//! of merged columns. Refinement replaces a tile by its children. Geometric errors are the measured ones of the city; they and the
+//! bounding boxes are in the metadata of subtree files, or beside each tile that is listed.
 //!
 //! | address | content | made by |
 //! |---|---|---|
-//! | `tileset.json` | root with its place on Earth, schema, attribution | [`Tileset::tileset_json`] |
+//! | `tileset.json` | root with its place on Earth, attribution; schema, or the tiles of five levels | [`Tileset::tileset_json`] |
 //! | `subtrees/{level}/{x}/{y}.subtree` | what exists in five levels below a node of level 0, 5, 10, ... | [`Tileset::subtree`] |
+//! | `tiles/{level}/{x}/{y}.json` | in the plain form, the tiles of five levels below a node of level 5, 10, ... | `explicit` |
 //! | `content/{level}/{x}/{y}.glb` | the surfaces of a node with its objects | [`Tileset::content`] |
 //!
-//! Content is compressed by meshoptimizer. Its property tables are complete in leaves; in coarser tiles, where a table would be larger
-//! than the surfaces, names or only numbers of objects remain.
+//! Content is compressed by meshoptimizer, or in the plain form needs no extension. Its property tables are complete in leaves; in
+//! coarser tiles, where a table would be larger than the surfaces, names or only numbers of objects remain.
 
 mod archive;
+mod explicit;
 mod frame;
 mod pmtiles;
 mod subtree;
@@ -43,13 +45,25 @@ use crate::{
 };
 use frame::Frame;
 use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Value, json};
 use subtree::Tile;
+use tileset_file::TilesetFile;
 
 /// Largest property table of a tile that is no leaf, in bytes: about as much as its surfaces take.
 const FAR_TABLE_BYTES: usize = 16 << 10;
 /// Address of the root of the tileset.
 pub const TILESET_JSON: &str = "tileset.json";
+
+/// How a tileset is written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum TilesetForm {
+    /// Small: an implicit quadtree, and content that is compressed.
+    #[default]
+    Implicit,
+    /// For programs that read neither: all tiles are listed, and content needs no extension.
+    Plain,
+}
 
 /// A city as 3D Tiles. Tiles are made when they are asked for; the same city gives the same bytes.
 pub struct Tileset<'a> {
@@ -58,6 +72,24 @@ pub struct Tileset<'a> {
     frame: Frame<'a>,
     reader: ObjectReader<'a>,
     reach: Reach<'a>,
+    form: TilesetForm,
+}
+
+/// The JSON of a tileset.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct TilesetDocument<R> {
+    asset: Value,
+    geometric_error: f64,
+    root: R,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    schema: Option<Value>,
+}
+
+impl<R: Serialize> TilesetDocument<R> {
+    fn to_bytes(&self) -> Result<Vec<u8>, ExportError> {
+        serde_json::to_vec(self).map_err(|error| ExportError::Encode(error.to_string()))
+    }
 }
 
 /// A tile's content, with what an export counts.
@@ -79,7 +111,14 @@ impl<'a> Tileset<'a> {
     ) -> Result<Self, ExportError> {
         let frame = Frame::new(source.manifest(), to_geocentric);
         let reach = Reach::new(source, selection)?;
-        Ok(Self { source, selection, frame, reader: ObjectReader::new(source), reach })
+        let reader = ObjectReader::new(source);
+        Ok(Self { source, selection, frame, reader, reach, form: TilesetForm::default() })
+    }
+
+    /// The same city in a form.
+    #[must_use]
+    pub fn in_form(self, form: TilesetForm) -> Self {
+        Self { form, ..self }
     }
 
     /// The tileset's JSON, whose files are in `folder`: empty, or an address relative to the JSON with a slash at its end. Fails if the
@@ -87,8 +126,19 @@ impl<'a> Tileset<'a> {
     pub fn tileset_json(&self, folder: &str) -> Result<Vec<u8>, ExportError> {
         let manifest = self.source.manifest();
         let subtree = subtree_at(self.source, TileId::ROOT)?;
-        let root = subtree.nodes.first().map(|node| self.tile(&subtree, node));
-        let root = root.ok_or(ExportError::Nothing("the city has no nodes"))?;
+        let node = subtree.nodes.first().ok_or(ExportError::Nothing("the city has no nodes"))?;
+        let root = self.tile(&subtree, node);
+        let asset = json!({
+            "version": "1.1",
+            "tilesetVersion": manifest.version,
+            "extras": { "title": manifest.title, "crs": manifest.crs, "attribution": manifest.attribution },
+        });
+        // Without any tile, the whole city is missing.
+        let geometric_error = manifest.root_side_m.max(f64::from(root.geometric_error_m));
+        if self.form == TilesetForm::Plain {
+            let root = self.listed_root(&subtree, node, folder);
+            return TilesetDocument { asset, geometric_error, root, schema: None }.to_bytes();
+        }
         let mut tile = json!({
             "boundingVolume": { "box": root.bounding_box },
             "geometricError": root.geometric_error_m,
@@ -104,18 +154,7 @@ impl<'a> Tileset<'a> {
         if let Some(to_earth) = self.frame.to_earth() {
             tile["transform"] = json!(to_earth.to_array());
         }
-        let json = json!({
-            "asset": {
-                "version": "1.1",
-                "tilesetVersion": manifest.version,
-                "extras": { "title": manifest.title, "crs": manifest.crs, "attribution": manifest.attribution },
-            },
-            "schema": subtree::schema(),
-            // Without any tile, the whole city is missing.
-            "geometricError": manifest.root_side_m.max(f64::from(root.geometric_error_m)),
-            "root": tile,
-        });
-        serde_json::to_vec(&json).map_err(|error| ExportError::Encode(error.to_string()))
+        TilesetDocument { asset, geometric_error, root: tile, schema: Some(subtree::schema()) }.to_bytes()
     }
 
     /// The subtree file of a node; `None` if there is none at this address. Fails if the city's subtrees cannot be read.
@@ -131,6 +170,17 @@ impl<'a> Tileset<'a> {
         }
         let children: Vec<TileId> = nodes().map(|node| node.id).filter(|id| id.level() == end).collect();
         subtree::encode(root, tiles, &children).map(Some)
+    }
+
+    /// The file, beside the tileset's own, that says which tiles there are from a root of subtrees on; `None` if there is none.
+    fn tiles_file(&self, root: TileId, subtree: &Subtree) -> Result<Option<(TilesetFile, Vec<u8>)>, ExportError> {
+        Ok(match self.form {
+            TilesetForm::Implicit => {
+                let file = self.subtree(root.level(), root.x(), root.y())?;
+                file.map(|bytes| (TilesetFile::Subtree(root), bytes))
+            }
+            TilesetForm::Plain => self.external(root, subtree)?.map(|bytes| (TilesetFile::Tiles(root), bytes)),
+        })
     }
 
     /// The content of a node, a GLB; `None` if there is none at this address. Fails if the city's tiles cannot be read, or are
@@ -150,7 +200,11 @@ impl<'a> Tileset<'a> {
             return Ok(None);
         };
         let content = ContentWriter::new(self.source, self.selection, &self.reader);
-        let mut glb = GlbBuilder::new(self.source.manifest(), Packing::Meshopt);
+        let packing = match self.form {
+            TilesetForm::Implicit => Packing::Meshopt,
+            TilesetForm::Plain => Packing::Plain,
+        };
+        let mut glb = GlbBuilder::new(self.source.manifest(), packing);
         let mut rows = Rows::default();
         let place = self.frame.place(node).then(&Matrix::Y_UP);
         let is_leaf = info.child_mask == 0;

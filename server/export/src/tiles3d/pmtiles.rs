@@ -42,6 +42,10 @@ impl TileArchive {
             TilesetFile::Subtree(root) => {
                 self.subtrees.insert(root.to_string(), STANDARD.encode(bytes).into());
             }
+            TilesetFile::Tiles(_) => {
+                let reason = "this archive has no place for lists of tiles; write a folder, or a .3tz";
+                return Err(ExportError::Encode(format!("{}: {reason}", self.name)));
+            }
             TilesetFile::Content(node) => {
                 self.max_level = self.max_level.max(node.level());
                 let add = TileCoord::new(node.level(), node.x(), node.y())

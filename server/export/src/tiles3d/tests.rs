@@ -10,18 +10,18 @@ use crate::{
     selection::ObjectSelection,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use insula_protocol::{Subtree, TileId};
+use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
 use serde_json::Value;
-use std::io::Read as _;
+use std::{collections::BTreeSet, io::Read as _};
 
-const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygons: None, objects: None };
+pub(super) const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygons: None, objects: None };
 
 /// A plane that touches the Earth at the null island.
 fn to_geocentric([x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
     Some([6_378_137.0 + z, x, y])
 }
 
-fn tileset<'a>(city: &'a TestCity, selection: &'a ObjectSelection) -> Tileset<'a> {
+pub(super) fn tileset<'a>(city: &'a TestCity, selection: &'a ObjectSelection) -> Tileset<'a> {
     Tileset::new(city, selection, &to_geocentric).unwrap()
 }
 
@@ -114,24 +114,33 @@ fn addresses_without_a_tile_have_none() {
     }
 }
 
-/// A city of six levels, of which only the nodes down to the south-western leaf exist.
-fn deep_city() -> TestCity {
+/// A city of which only the nodes down to the south-western leaf at this level exist.
+pub(super) fn deep_city(depth: u8) -> TestCity {
     let mut deep = city();
-    let leaf = TileId::new(5, 0, 0).unwrap();
+    let leaf = TileId::new(depth, 0, 0).unwrap();
     let (columns, node) = (deep.columns[&TileId::ROOT].clone(), deep.subtrees[&TileId::ROOT].nodes[0]);
-    deep.manifest = crate::glb::test_city::manifest(5, 1.0);
+    deep.manifest = crate::glb::test_city::manifest(depth, 1.0);
     deep.meshes.clear();
-    let ids = (0..=5).map(|level| leaf.ancestor(level).unwrap());
-    let nodes =
-        ids.clone().map(|id| insula_protocol::subtree::NodeInfo { id, child_mask: u8::from(id != leaf), ..node });
-    deep.subtrees = [(TileId::ROOT, Subtree { nodes: nodes.collect(), ..Subtree::default() })].into();
-    deep.columns = ids.map(|id| (id, columns.clone())).collect();
+    deep.columns.clear();
+    deep.subtrees.clear();
+    for id in (0..=depth).map(|level| leaf.ancestor(level).unwrap()) {
+        let cell_m = deep.manifest.cell_m_at(id.level()) as f32;
+        let mut map = columns.clone();
+        map.cell_m = cell_m;
+        deep.columns.insert(id, map);
+        let node = NodeInfo { id, child_mask: u8::from(id != leaf), z_max_m: 15.0 * cell_m, ..node };
+        // A root of subtrees is in the one above, too; a leaf only there.
+        let roots = [id.parent().map(Subtree::root_of), (id != leaf).then(|| Subtree::root_of(id))];
+        for root in roots.into_iter().flatten().collect::<BTreeSet<_>>() {
+            deep.subtrees.entry(root).or_default().nodes.push(node);
+        }
+    }
     deep
 }
 
 #[test]
 fn a_leaf_at_a_level_of_roots_has_a_subtree_of_its_own() {
-    let city = deep_city();
+    let city = deep_city(5);
     let tileset = tileset(&city, &EVERYTHING);
     let (json, binary) = parse_subtree(&tileset.subtree(0, 0, 0).unwrap().unwrap());
     let children = view(&json, &binary, &json["childSubtreeAvailability"]["bitstream"]);
@@ -160,7 +169,7 @@ fn a_selection_leaves_out_tiles() {
 
 #[test]
 fn a_folder_and_an_archive_have_the_same_files() {
-    let city = deep_city();
+    let city = deep_city(5);
     let tileset = tileset(&city, &EVERYTHING);
     let folder = tempfile::tempdir().unwrap();
     let report = write_tileset(&tileset, Destination::of(&folder.path().join("tiles"))).unwrap();
@@ -189,7 +198,7 @@ fn a_folder_and_an_archive_have_the_same_files() {
 
 #[test]
 fn a_pmtiles_archive_has_the_files_of_a_folder() {
-    let city = deep_city();
+    let city = deep_city(5);
     let tileset = tileset(&city, &EVERYTHING);
     let folder = tempfile::tempdir().unwrap();
     let files = folder.path().join("tiles");
@@ -278,7 +287,7 @@ fn broken_tiles_and_full_disks_are_errors() {
 
 #[test]
 fn a_tileset_of_nothing_leaves_an_earlier_one() {
-    let (city, folder) = (deep_city(), tempfile::tempdir().unwrap());
+    let (city, folder) = (deep_city(5), tempfile::tempdir().unwrap());
     write_tileset(&tileset(&city, &EVERYTHING), Destination::of(folder.path())).unwrap();
     let path = folder.path().join(TILESET_JSON);
     let before = std::fs::read(&path).unwrap();

@@ -9,6 +9,8 @@ use std::fmt;
 pub(super) enum TilesetFile {
     Tileset,
     Subtree(TileId),
+    /// The tiles from a node on, in the plain form.
+    Tiles(TileId),
     Content(TileId),
 }
 
@@ -17,6 +19,7 @@ impl fmt::Display for TilesetFile {
         match self {
             Self::Tileset => f.write_str(TILESET_JSON),
             Self::Subtree(root) => write!(f, "subtrees/{root}.subtree"),
+            Self::Tiles(root) => write!(f, "tiles/{root}.json"),
             Self::Content(node) => write!(f, "content/{node}.glb"),
         }
     }

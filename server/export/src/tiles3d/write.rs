@@ -102,9 +102,10 @@ fn make_subtree(
     report: &mut ExportReport,
     roots: &mut Vec<TileId>,
 ) -> Result<(), ExportError> {
-    let Some(file) = tileset.subtree(root.level(), root.x(), root.y())? else { return Ok(()) };
-    give(take, report, TilesetFile::Subtree(root), &file)?;
     let Some(subtree) = tileset.subtree_with(root)? else { return Ok(()) };
+    if let Some((file, bytes)) = tileset.tiles_file(root, &subtree)? {
+        give(take, report, file, &bytes)?;
+    }
     let end = root.level() + super::subtree::LEVELS;
     let is_below = |id: TileId| id.ancestor(root.level()) == Some(root) && tileset.is_selected(id);
     for node in subtree.nodes.iter().filter(|node| is_below(node.id)) {
@@ -144,7 +145,7 @@ fn write(sink: &mut Sink, file: TilesetFile, bytes: &[u8], has_triangles: bool) 
 fn unfinished(tileset: &[u8]) -> Vec<u8> {
     let mut json: Value = serde_json::from_slice(tileset).unwrap_or_default();
     if let Some(root) = json["root"].as_object_mut() {
-        root.retain(|name, _| name != "implicitTiling" && name != "content");
+        root.retain(|name, _| !["implicitTiling", "content", "children"].contains(&name.as_str()));
     }
     json["asset"]["extras"]["title"] = "An unfinished export: run it again".into();
     json.to_string().into_bytes()
@@ -154,7 +155,7 @@ fn unfinished(tileset: &[u8]) -> Vec<u8> {
 fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
     let is_linked = path.is_symlink() || !canonical(path).starts_with(canonical(folder));
     let first: &[u8] = match file {
-        TilesetFile::Tileset => b"{",
+        TilesetFile::Tileset | TilesetFile::Tiles(_) => b"{",
         TilesetFile::Subtree(_) => b"subt",
         TilesetFile::Content(_) => b"glTF",
     };
