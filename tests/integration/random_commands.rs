@@ -18,7 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// All commands that write, remove or rename. DIR, IN and OUT.EXTENSION are paths.
-pub(crate) const COMMANDS: [&str; 49] = [
+pub(crate) const COMMANDS: [&str; 50] = [
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --update --report OUT.json",
@@ -38,6 +38,7 @@ pub(crate) const COMMANDS: [&str; 49] = [
     "publish city --out DIR --tileset",
     "export DIR --format 3dtiles --out DIR",
     "export city --format 3dtiles --out DIR",
+    "export city --format 3dtiles --plain --out DIR",
     "export city --format 3dtiles --out OUT.3tz",
     "export city --format 3dtiles --out OUT.pmtiles",
     "export DIR --format csv --out OUT.csv",

@@ -59,6 +59,9 @@ pub struct ExportArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub area: AreaArgs,
+    /// 3D Tiles for QGIS, ArcGIS Pro and others that read neither implicit tiling nor compression, two to three times as large
+    #[arg(long)]
+    pub plain: bool,
     /// Only objects that pass, as in 'height > 20'
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,

@@ -59,7 +59,7 @@ pub struct PublishArgs {
     /// Address that the site will have, for previews of links to it, catalogues, and the page of wrong addresses
     #[arg(long, value_name = "URL", value_parser = parse_site_address)]
     pub url: Option<String>,
-    /// Write each city as 3D Tiles, too, for CesiumJS and other viewers
+    /// Write each city as 3D Tiles, too, for QGIS, ArcGIS Pro, CesiumJS and other viewers
     #[arg(long)]
     pub tileset: bool,
     /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views

@@ -24,7 +24,7 @@ use insula_export::{
     selection::{ObjectSelection, passing},
     source::{ExportSource, SourceError},
     table::{ExportReport, TableOptions},
-    tiles3d::{Destination, Tileset, write_tileset},
+    tiles3d::{Destination, Tileset, TilesetForm, write_tileset},
 };
 use insula_objects::filter::{Filter, NONE_PASSES};
 use insula_protocol::{
@@ -44,17 +44,12 @@ const MAX_TILESET_BYTES: u64 = 64 << 20;
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let format = args.format().map_err(CommandError::Usage)?;
+    check_options(args, format)?;
     check_outputs(args, format, &city)?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
     let view = view(args, format, &source)?;
-    if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
-        return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
-    }
-    if args.parts && !matches!(format, ExportFormat::Table(format) if format.is_table()) {
-        return Err(CommandError::Usage("--parts needs a table: csv, geojson, geoparquet or flatgeobuf".to_owned()));
-    }
     let has_datum = city.manifest().heights.is_some();
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(has_datum));
     let selection = selection(args, &source, place.as_ref())?;
@@ -78,6 +73,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
             let to_geocentric = |p: [f64; 3]| place.as_ref()?.geocentric(p);
             let tileset =
                 Tileset::new(&source, &selection, &to_geocentric).map_err(|error| failed(error.to_string()))?;
+            let form = if args.plain { TilesetForm::Plain } else { TilesetForm::Implicit };
+            let tileset = tileset.in_form(form);
             let report =
                 write_tileset(&tileset, Destination::of(&args.out)).map_err(|error| failed(error.to_string()))?;
             let facts = json!({ "files": report.files, "triangles": report.triangles, "bytes": report.bytes });
@@ -94,6 +91,24 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     facts["out"] = args.out.display().to_string().into();
     print_result(args.json, &facts, &format!("wrote {} ({text})\n", args.out.display()));
     Ok(())
+}
+
+/// Fails if an option is for another format.
+fn check_options(args: &ExportArgs, format: ExportFormat) -> Result<(), CommandError> {
+    let is_table = matches!(format, ExportFormat::Table(format) if format.is_table());
+    let is_packed = matches!(Destination::of(&args.out), Destination::PmTiles(_));
+    let mistake = if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
+        "--keep-formulas needs --format csv"
+    } else if args.parts && !is_table {
+        "--parts needs a table: csv, geojson, geoparquet or flatgeobuf"
+    } else if args.plain && format != ExportFormat::Tiles3d {
+        "--plain needs --format 3dtiles"
+    } else if args.plain && is_packed {
+        "--plain needs a folder or a .3tz as --out"
+    } else {
+        return Ok(());
+    };
+    Err(CommandError::Usage(mistake.to_owned()))
 }
 
 /// Fails if the output would overwrite anything but an earlier one.

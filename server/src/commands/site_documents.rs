@@ -15,7 +15,7 @@ use insula_bake::read::EarthPlace;
 use insula_export::{
     glb::ExportError,
     selection::ObjectSelection,
-    tiles3d::{Tileset, each_file},
+    tiles3d::{Tileset, TilesetForm, each_file},
 };
 use std::{fs, path::PathBuf, sync::Arc};
 
@@ -49,7 +49,7 @@ fn record<'c>(site: &SiteFolder, city: &'c CityStore) -> Result<CityRecord<'c>, 
     })
 }
 
-/// Writes a city as 3D Tiles into its folder, with one tile in memory at a time. Fails if the city cannot be read, or has no surface.
+/// Writes a city as plain 3D Tiles, which all viewers open, into its folder, with one tile in memory at a time. Fails if the city cannot be read, or has no surface.
 #[cfg(feature = "bake")]
 pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandError> {
     let failed = |reason: String| CommandError::Publish { path: city.location().into(), reason };
@@ -62,6 +62,7 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
     let everything = ObjectSelection::default();
     let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(error.to_string()))?;
+    let tileset = tileset.in_form(TilesetForm::Plain);
     let folder = format!("cities/{}/{}", manifest.name, discovery::TILESET_FOLDER);
     let mut take = |name: &str, bytes: &[u8]| {
         let written = site.write(&format!("{folder}/{name}"), bytes);

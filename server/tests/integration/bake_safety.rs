@@ -252,6 +252,8 @@ fn mesh_commands_do_not_overwrite_their_input() {
         place.write("photos/tileset.json", tileset);
         assert!(place.refused("export town --format 3dtiles --out photos").contains("did not write"));
     }
+    assert!(place.refused("export town --plain --out town.csv").contains("3dtiles"));
+    assert!(place.refused("export town --plain --out town.pmtiles").contains(".3tz"));
     for _ in 0..2 {
         place.succeeds("export town --format 3dtiles --out tiles");
     }

@@ -67,6 +67,7 @@ fn documents_of_a_site_lead_to_its_files() {
     let tileset = read(&site.join("cities/two/3dtiles/tileset.json"));
     assert_eq!(tileset["asset"]["version"], "1.1");
     assert!(site.join("cities/two/3dtiles/content/1/1/1.glb").is_file());
+    assert!(tileset["root"]["children"].is_array(), "all tiles are listed: {tileset}");
     // Again without tilesets: those of before are gone, and no document names them.
     publish(&cities, &site, false).unwrap();
     assert!(!site.join("cities/two/3dtiles").exists());

@@ -25,6 +25,8 @@ mod kill;
 mod limits;
 mod live;
 mod proxies;
+#[cfg(feature = "bake")]
+mod round_trip;
 mod search;
 mod store;
 mod terminal;
