@@ -116,7 +116,8 @@ def view(city, out, *, eye, eye_height_m=1.6, target_height_m=0.0, bbox=None, pr
     return _analyse(city, "view", out, bbox, options, more)
 
 
-def export(city, out, form, *, bbox=None, where="", parts=False, more=""):
-    """A city, or a part of it, in another format: flatgeobuf, geotiff, glb and so on."""
+def export(city, out, form, *, bbox=None, where="", parts=False, plain=False, more=""):
+    """A city, or a part of it, in another format: flatgeobuf, geotiff, glb and so on. `plain` is for 3dtiles that QGIS opens."""
     options = [f"--format={form}", f"--out={out}", *_area(bbox), *_text("filter", where), *_flag("parts", parts)]
+    options += _flag("plain", plain)
     return ["export", _city(city), "--json", *options, *further(more)]

@@ -1,8 +1,12 @@
-"""Exports: objects and heights of a city as layers, and the city as a 3D model."""
+"""Exports: objects, heights and surfaces of a city as layers, and the city as a 3D model."""
+
+import os
 
 from qgis.core import (
+    QgsProcessingContext,
     QgsProcessingParameterBoolean,
     QgsProcessingParameterFileDestination,
+    QgsProcessingParameterFolderDestination,
     QgsProcessingParameterRasterDestination,
     QgsProcessingParameterString,
     QgsProcessingParameterVectorDestination,
@@ -12,7 +16,12 @@ from . import commands
 from .algorithm import OUTPUT, InsulaAlgorithm, make_folder_of
 from .styles import KindStyle, use_style
 
-WHERE, PARTS = "FILTER", "PARTS"
+try:
+    from qgis.core import QgsTiledSceneLayer
+except ImportError:  # before QGIS 3.34
+    QgsTiledSceneLayer = None
+
+WHERE, PARTS, LOAD = "FILTER", "PARTS", "LOAD"
 # Formats of tables by the end of a file's name.
 TABLES = {"fgb": "flatgeobuf", "geojson": "geojson", "csv": "csv", "parquet": "geoparquet"}
 
@@ -77,6 +86,46 @@ class HeightsAlgorithm(ExportAlgorithm):
     def processAlgorithm(self, parameters, context, feedback):
         out = self.parameterAsOutputLayer(parameters, OUTPUT, context)
         return self.export(parameters, context, feedback, out, "geotiff")
+
+
+class TilesAlgorithm(ExportAlgorithm):
+    NAME, TITLE = "tiles", "3D Tiles as a layer"
+    HELP = (
+        "All surfaces as 3D Tiles in a folder, opened as a tiled scene layer, which a 3D map view shows. QGIS before 3.34 has no such "
+        "layers."
+    )
+
+    # The tileset that becomes a layer.
+    tileset = None
+
+    def add_parameters(self):
+        self.addParameter(QgsProcessingParameterBoolean(LOAD, "Open as a layer", defaultValue=True))
+
+    def destination(self):
+        return QgsProcessingParameterFolderDestination(OUTPUT, "Folder of the tiles")
+
+    def processAlgorithm(self, parameters, context, feedback):
+        out = self.parameterAsFileOutput(parameters, OUTPUT, context)
+        results = self.export(parameters, context, feedback, out, "3dtiles", plain=True)
+        if self.parameterAsBool(parameters, LOAD, context):
+            self.tileset = os.path.join(out, "tileset.json")
+        return results
+
+    def postProcessAlgorithm(self, context, feedback):
+        """Opens the layer here, in the thread of the window: Processing loads no tiled scenes from the names of files."""
+        if self.tileset is None or context.project() is None:
+            return {}
+        if QgsTiledSceneLayer is None:
+            feedback.pushWarning("this QGIS has no tiled scene layers: open the folder in QGIS 3.34 or later")
+            return {}
+        name = os.path.basename(os.path.dirname(self.tileset))
+        layer = QgsTiledSceneLayer(self.tileset, name, "cesiumtiles")
+        if not layer.isValid():
+            feedback.pushWarning(f"QGIS does not open {self.tileset}")
+            return {}
+        context.temporaryLayerStore().addMapLayer(layer)
+        context.addLayerToLoadOnCompletion(layer.id(), QgsProcessingContext.LayerDetails(name, context.project(), OUTPUT))
+        return {}
 
 
 class ModelAlgorithm(ExportAlgorithm):

@@ -8,7 +8,7 @@ from qgis.PyQt.QtGui import QIcon
 from . import setting
 from .analysis_algorithms import ShadowAlgorithm, SkyAlgorithm, SolarAlgorithm, SunAlgorithm, ViewAlgorithm
 from .bake_algorithm import BakeAlgorithm
-from .export_algorithms import HeightsAlgorithm, ModelAlgorithm, ObjectsAlgorithm
+from .export_algorithms import HeightsAlgorithm, ModelAlgorithm, ObjectsAlgorithm, TilesAlgorithm
 
 
 class InsulaProvider(QgsProcessingProvider):
@@ -41,6 +41,7 @@ class InsulaProvider(QgsProcessingProvider):
             ViewAlgorithm,
             ObjectsAlgorithm,
             HeightsAlgorithm,
+            TilesAlgorithm,
             ModelAlgorithm,
         ):
             self.addAlgorithm(algorithm())

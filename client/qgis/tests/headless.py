@@ -66,6 +66,8 @@ def load(path):
 def check(source, folder):
     """Bakes `source` and asks all questions about it."""
     application, plugin, run = start()
+    from qgis.core import QgsTiledSceneLayer
+
     city = str(folder / "city")
     report = run("insula:bake", {"FILES": [source], "EXTENT": AREA, "CELL": 3, "MORE": "--views 32 --no-street-sets", "OUTPUT": city})
     assert report["BUILDINGS"] > 10, report
@@ -91,6 +93,9 @@ def check(source, folder):
     assert 0 < objects.featureCount() and objects.renderer().type() == "categorizedSymbol"
     heights = load(run("insula:heights", {**at, "OUTPUT": str(folder / "heights.tif")})["OUTPUT"])
     assert heights.isValid() and heights.crs().isValid()
+    tiles = pathlib.Path(run("insula:tiles", {**at, "OUTPUT": str(folder / "tiles")})["OUTPUT"])
+    scene = QgsTiledSceneLayer(str(tiles / "tileset.json"), "tiles", "cesiumtiles")
+    assert scene.isValid() and scene.dataProvider().index().isValid(), "3D Tiles are no layer"
     model = run("insula:model", {**at, "EXTENT": AREA, "OUTPUT": str(folder / "model.glb")})["OUTPUT"]
     assert pathlib.Path(model).read_bytes()[:4] == b"glTF"
     plugin.unload()

@@ -69,6 +69,8 @@ class OfACity(unittest.TestCase):
         words = commands.export(self.city, "o.fgb", "flatgeobuf", where="height > 20", parts=True)
         options = ["--format=flatgeobuf", "--out=o.fgb", "--filter=height > 20", "--parts"]
         self.assertEqual(words, ["export", self.city, "--json", *options])
+        words = commands.export(self.city, "tiles", "3dtiles", plain=True)
+        self.assertEqual(words[3:], ["--format=3dtiles", "--out=tiles", "--plain"])
 
     def test_mistakes_are_named(self):
         for wrong in (
