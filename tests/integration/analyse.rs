@@ -281,6 +281,22 @@ fn options_that_do_not_fit_are_refused() {
     assert!(!folder.join("a.tif").exists() && !folder.join("a.csv").exists());
 }
 
+/// The tower of 60 m breaks into a corridor above the house; without the house, a planned building is seen from elsewhere.
+fn views_take_proposals(folder: &Path) {
+    let vista = r#"{"type":"Feature","properties":{"name":"hill","width_m":40},"geometry":{"type":"LineString",
+        "coordinates":[[85010, 446950, 30], [85010, 447050, 30]]}}"#;
+    fs::write(folder.join("vista.geojson"), vista).unwrap();
+    let line = "view --vista vista.geojson --out";
+    assert_eq!(analyse(folder, &format!("{line} open.geojson")), ok());
+    assert_eq!(analyse(folder, &format!("{line} hit.geojson --buildings hit.csv --proposal tower.toml")), ok());
+    let [open, hit] = ["open.geojson", "hit.geojson"].map(|name| polygons(&folder.join(name)).len());
+    assert_eq!((open, hit), (0, 1));
+    assert!(rows(&folder.join("hit.csv")).is_empty(), "what is added has no row");
+    let of = "view --of tower.geojson --height 9 --proposal shed.toml --out share.tif";
+    fs::write(folder.join("shed.toml"), "[[remove]]\nids = [\"feature 1\"]\n").unwrap();
+    assert_eq!(analyse(folder, of), ok());
+}
+
 fn proposals_say_what_they_change() {
     let folder = baked_city();
     let folder = folder.path();
@@ -328,6 +344,7 @@ fn proposals_say_what_they_change() {
     assert_eq!(analyse(folder, &format!("{line} hidden.csv --proposal tower.toml")), ok());
     let visible = ["free.csv", "hidden.csv"].map(|name| rows(&folder.join(name))[0][3].clone());
     assert_eq!(visible, ["yes", "no"]);
+    views_take_proposals(folder);
     for (text, expected) in [
         ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
         ("[[add]]\noutline = \"tower.geojson\"\n", "height_m"),

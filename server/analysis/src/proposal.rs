@@ -101,11 +101,17 @@ impl CitySurface {
             let cell = [index as u32 % extent.size[0], index as u32 / extent.size[0]];
             (0..2).all(|k| (part.min[k]..part.min[k] + part.size[k]).contains(&(extent.min[k] + cell[k])))
         };
-        let is_added = |index: usize| self.kind(index) == TopKind::Other && !is_same([before, self], index);
-        let added: Vec<bool> = (0..self.tops.values.len()).map(|index| is_in(index) && is_added(index)).collect();
+        let added: Vec<bool> =
+            (0..self.tops.values.len()).map(|index| is_in(index) && self.is_added(before, index)).collect();
         let place = |corner: &[u32; 2]| [0, 1].map(|k| self.corner[k] + f64::from(corner[k]) * self.cell_m);
         let closed = |ring: &Vec<[u32; 2]>| -> Vec<[f64; 2]> { ring.iter().chain(ring.first()).map(place).collect() };
         outlines(&added, self.size()[0]).iter().flatten().map(closed).collect()
+    }
+
+    /// Whether the top of a cell was added since before.
+    #[must_use]
+    pub fn is_added(&self, before: &Self, index: usize) -> bool {
+        self.kind(index) == TopKind::Other && !is_same([before, self], index)
     }
 
     /// Indices of the cells with the middle in a polygon.

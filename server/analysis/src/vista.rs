@@ -54,14 +54,16 @@ pub struct Breach<'a> {
 pub struct Breaches<'a> {
     /// How far the top of each cell rises above the lowest plane there, at least 0; NaN outside of all vistas, and where nothing was baked.
     pub tops: Vec<f32>,
-    /// The highest first, vista by vista.
+    /// The highest first, vista by vista. What a proposal adds is no building.
     pub buildings: Vec<Breach<'a>>,
+    /// How far what was added rises above a plane at most; `None` if it does nowhere.
+    pub added_m: Option<f64>,
 }
 
-/// Finds what breaks into vistas. The building at the target is left out.
+/// Finds what breaks into vistas. The building at the target is left out, but not what was added to the surface `before`.
 #[must_use]
-pub fn breaches<'a>(surface: &'a CitySurface, vistas: &'a [Vista]) -> Breaches<'a> {
-    let mut all = Breaches { tops: vec![f32::NAN; surface.tops.values.len()], buildings: Vec::new() };
+pub fn breaches<'a>(surface: &'a CitySurface, vistas: &'a [Vista], before: Option<&CitySurface>) -> Breaches<'a> {
+    let mut all = Breaches { tops: vec![f32::NAN; surface.tops.values.len()], buildings: Vec::new(), added_m: None };
     let width = surface.size()[0];
     for vista in vistas {
         let target = surface.cell_at([vista.target[0], vista.target[1]]);
@@ -73,8 +75,12 @@ pub fn breaches<'a>(surface: &'a CitySurface, vistas: &'a [Vista]) -> Breaches<'
             let place = [0, 1].map(|k| surface.corner[k] + middle[k] * surface.cell_m);
             let Some((plane, distance_m)) = vista.plane(place).filter(|_| top.is_finite()) else { continue };
             let kind = surface.kind(index);
-            let above = if Some(kind) == target { 0.0 } else { top - plane };
+            let is_added = before.is_some_and(|before| surface.is_added(before, index));
+            let above = if Some(kind) == target && !is_added { 0.0 } else { top - plane };
             *known = known.max(above.max(0.0) as f32);
+            if is_added && above > 0.0 {
+                all.added_m = Some(all.added_m.map_or(above, |highest| highest.max(above)));
+            }
             let (TopKind::Roof(number), true) = (kind, above > 0.0) else { continue };
             let breach = Breach {
                 vista,
@@ -121,7 +127,7 @@ pub fn write_table(breaches: &[Breach<'_>], out: impl Write) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_surface::surface;
+    use crate::{proposal::Addition, test_surface::surface};
 
     /// From 30 m at (1000, 2020) to 10 m at (1200, 2020): the plane sinks by 1 m in 10. A house of 25 m at half of the way, where the plane is
     /// at 20 m, and the corridor 10 m wide.
@@ -137,7 +143,7 @@ mod tests {
             width_m: 20.0,
         };
         let vistas = [vista(10.0), vista(60.0)];
-        let found = breaches(&surface, &vistas);
+        let found = breaches(&surface, &vistas, None);
         let [breach] = &found.buildings[..] else { panic!("{found:?}") };
         // Its last column is the farthest, at 102.5 m.
         assert!((breach.above_m - (25.0 - (30.0 - 10.25))).abs() < 1e-6, "{breach:?}");
@@ -161,6 +167,25 @@ mod tests {
             target: [1100.0, 2020.0, surface.base_m + 20.0],
             width_m: 30.0,
         };
-        assert!(breaches(&surface, &[vista]).buildings.is_empty());
+        assert!(breaches(&surface, &[vista], None).buildings.is_empty());
+    }
+
+    #[test]
+    fn what_is_added_breaks_into_a_vista_without_a_row() {
+        let before = surface(120, 41, |x, _| if x >= 95 { 50.0 } else { 0.0 });
+        let ring = [[1040.0, 2015.0], [1050.0, 2015.0], [1050.0, 2025.0], [1040.0, 2025.0], [1040.0, 2015.0]];
+        let block = |height: f64| Addition::Block { outline: vec![ring.to_vec()], top_m: before.base_m + height };
+        let vistas = [Vista {
+            name: String::new(),
+            viewpoint: [1000.0, 2020.0, before.base_m + 2.0],
+            target: [1100.0, 2020.0, before.base_m + 20.0],
+            width_m: 30.0,
+        }];
+        let [low, high] = [5.0, 40.0].map(|height| before.with_additions(&[block(height)]));
+        let found = breaches(&high, &vistas, Some(&before));
+        // Its first column is the nearest, at 40.5 m, where the plane is at 9.29 m.
+        assert!((found.added_m.unwrap() - 30.71).abs() < 1e-4 && found.buildings.is_empty(), "{:?}", found.added_m);
+        assert_eq!(breaches(&high, &vistas, None).added_m, None);
+        assert_eq!(breaches(&low, &vistas, Some(&before)).added_m, None);
     }
 }

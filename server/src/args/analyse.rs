@@ -89,8 +89,8 @@ pub struct AnalyseArgs {
     #[arg(long, num_args = 2, value_names = ["FILE.csv", "FILE.csv"], conflicts_with_all = ["from", "of", "vista"])]
     pub between: Vec<PathBuf>,
     /// Proposal, for what it changes: a TOML file of models and blocks that are added to the city, and of what is removed from it. Values
-    /// are then those after less those before, up to 500 m around it; with --points and --between, they are those after
-    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["of", "vista"])]
+    /// are then those after less those before, up to 500 m around it; with --points, --between and --vista, they are those after
+    #[arg(long, value_name = "FILE.toml")]
     pub proposal: Option<PathBuf>,
     /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky, 5 for `solar`]
     #[arg(long, value_name = "M,M", value_delimiter = ',', value_parser = parse_height, allow_hyphen_values = true)]

@@ -106,20 +106,27 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     if let [from, to] = &args.between[..] {
         return sight::between(args, [from, to], &source, place.as_ref(), after()?.as_ref());
     }
-    let area = area.or_else(|| Some(grown(change.as_ref()?.area()?, AROUND_M)));
+    // Corridors are whole.
+    let around = change.as_ref().filter(|_| args.vista.is_none());
+    let area = area.or_else(|| Some(grown(around?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
     let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
     let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new() };
     let mut changed = None;
     if let (Some(proposal), Some(change)) = (&proposal, &change) {
         let after = change.after(proposal, &surface)?;
-        if let (None, Some(where_changed)) = (area, after.changes_from(&surface)) {
+        let where_changed = after.changes_from(&surface).filter(|_| args.vista.is_none());
+        if let (None, Some(where_changed)) = (area, where_changed) {
             question.extent = CellExtent::of(manifest, Some(grown(where_changed, AROUND_M))).map_err(failed)?;
         }
         if args.pdf.is_some() {
             question.added = after.borders_of_added(&surface, question.extent);
         }
         changed = Some((proposal, after));
+    }
+    if let (Some(path), Some((proposal, after))) = (&args.vista, &changed) {
+        let answer = vista::vista(path, after, place.as_ref(), Some((*proposal, &surface)))?;
+        return write(&question, after, answer, &Files::of(args));
     }
     for (moment, files) in &times {
         let site = question.site()?;

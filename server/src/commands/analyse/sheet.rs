@@ -121,7 +121,8 @@ fn picture(
 
 impl Colors {
     fn of(question: &Question, answer: &Answer) -> Self {
-        if question.args.proposal.is_some() {
+        // Of vistas, values are those after the proposal.
+        if question.args.proposal.is_some() && question.args.vista.is_none() {
             return Self::of_change(question.args.what, answer);
         }
         let highest = answer.tops.iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);

@@ -16,7 +16,7 @@ pub(super) fn view(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Answer, CommandError> {
     if let Some(path) = &args.vista {
-        return vista(path, surface, place);
+        return vista(path, surface, place, None);
     }
     if let Some(path) = &args.of {
         return view_of(args, path, surface, place, progress);

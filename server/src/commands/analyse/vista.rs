@@ -1,7 +1,7 @@
 //! Protected vistas of a GeoJSON file, and what breaks into them.
 
 use super::{super::error::CommandError, Answer};
-use crate::area_file::bring_to_map;
+use crate::{area_file::bring_to_map, proposal::Proposal};
 use insula_analysis::{
     surface::CitySurface,
     vista::{Vista, breaches, write_table},
@@ -19,12 +19,18 @@ const MAX_VISTAS: usize = 1000;
 /// Longest name of a vista in bytes.
 const MAX_NAME_BYTES: usize = 256;
 
-/// What breaks into the vistas of a file. Fails if it has none.
-pub(super) fn vista(path: &Path, surface: &CitySurface, place: Option<&EarthPlace>) -> Result<Answer, CommandError> {
+/// What breaks into the vistas of a file: in a city, or in that after a proposal, which is given with the surface before it. Fails if the
+/// file has none.
+pub(super) fn vista(
+    path: &Path,
+    surface: &CitySurface,
+    place: Option<&EarthPlace>,
+    proposed: Option<(&Proposal, &CitySurface)>,
+) -> Result<Answer, CommandError> {
     let wrong = |reason: &str| CommandError::Usage(format!("--vista {}: {reason}", path.display()));
     let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error.to_string()))?;
     let vistas = parse(&text, surface.bounds(), place).map_err(|reason| wrong(&reason))?;
-    let found = breaches(surface, &vistas);
+    let found = breaches(surface, &vistas, proposed.map(|(_, before)| before));
     if found.tops.iter().all(|above| above.is_nan()) {
         return Err(wrong("no corridor lies in the area"));
     }
@@ -35,7 +41,14 @@ pub(super) fn vista(path: &Path, surface: &CitySurface, place: Option<&EarthPlac
         let highest = own().map(|breach| format!(", by up to {:.2} m", breach.above_m)).next().unwrap_or_default();
         format!("{}: {} above the plane{highest}", vista.name, count(own().count() as u64, "building"))
     };
-    let notes = vistas.iter().map(note).collect();
+    let of_proposal = |proposal: &Proposal| {
+        let above = match found.added_m {
+            Some(above) => format!("above a plane by up to {above:.2} m"),
+            None => "above no plane".to_owned(),
+        };
+        format!("{}: values are those after it; what it adds rises {above}", proposal.name())
+    };
+    let notes = vistas.iter().map(note).chain(proposed.map(|(proposal, _)| of_proposal(proposal))).collect();
     let title = "metres above the plane of the vista".to_owned();
     Ok(Answer { tops: found.tops, title, table: Some(table), area_from: 0.0, notes, ..Answer::default() })
 }
