@@ -3,6 +3,8 @@
 //! Other programs embed the server with [`store::Store::open`], [`config::ServeConfig`] and [`http::serve`].
 
 #[cfg(feature = "bake")]
+mod analysis;
+#[cfg(feature = "bake")]
 mod area_file;
 pub mod args;
 pub mod commands;

@@ -48,12 +48,13 @@ fn is_transposed(light: &SunLight) -> bool {
     Heading::of_azimuth(light.sun.azimuth_deg).is_transposed()
 }
 
-/// Counts lights above the horizon. The surface is turned meanwhile. `progress` gets the share of the work that is done.
+/// Counts lights above the horizon. The surface is turned meanwhile. `progress` gets the share of the work that is done, and says whether to
+/// go on: what is counted is not complete if it does not.
 pub(crate) fn total<T: Tally>(
     surface: &mut CitySurface,
     points: &[WallPoint],
     mut lights: Vec<SunLight>,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) -> bool + Sync),
 ) -> Total<T> {
     if !T::HAS_SEQUENCE {
         lights.sort_by_key(is_transposed);
@@ -65,6 +66,7 @@ pub(crate) fn total<T: Tally>(
     let done = AtomicUsize::new(0);
     let count = lights.len();
     let step = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / count as f64);
+    let goes_on = || progress(done.load(Ordering::Relaxed) as f64 / count as f64);
     for run in lights.chunk_by(|a, b| is_transposed(a) == is_transposed(b)) {
         if is_transposed(&run[0]) != is_turned {
             is_turned = !is_turned;
@@ -76,6 +78,9 @@ pub(crate) fn total<T: Tally>(
         let range = |i: usize| run.len() * i / parts..run.len() * (i + 1) / parts;
         let ranges: Vec<Range<usize>> = (0..parts).map(range).collect();
         for ranges in ranges.chunks(rayon::current_num_threads().max(1)) {
+            if !goes_on() {
+                break;
+            }
             let parts: Vec<_> = ranges.par_iter().map(|range| field.part::<T>(&run[range.clone()])).collect();
             for (part, range) in parts.into_iter().zip(ranges) {
                 let moments = [before, range.len() as u16];
@@ -97,8 +102,8 @@ struct Field<'a> {
     surface: &'a CitySurface,
     rows: &'a WallRows,
     points: &'a [WallPoint],
-    /// Called after each light.
-    step: &'a (dyn Fn() + Sync),
+    /// Called after each light. Says whether to go on.
+    step: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Field<'_> {
@@ -128,7 +133,9 @@ impl Field<'_> {
                     T::add(&mut walls[number], if is_lit { (facing * on_walls) as f32 } else { 0.0 }, moment);
                 }
             });
-            (self.step)();
+            if !(self.step)() {
+                break;
+            }
         }
         Total { tops: tops.values, walls }
     }

@@ -36,9 +36,9 @@ struct SkySums {
 }
 
 /// Computes sky view factors of all cells, and vertical sky components on walls at heights above the ground in metres. The surface is
-/// turned meanwhile.
+/// turned meanwhile. `progress` gets the share of the work that is done, and says whether to go on: values are not complete if it does not.
 #[must_use]
-pub fn sky_view(surface: &mut CitySurface, wall_heights_m: &[f64], progress: &(dyn Fn(f64) + Sync)) -> SkyView {
+pub fn sky_view(surface: &mut CitySurface, wall_heights_m: &[f64], progress: &(dyn Fn(f64) -> bool + Sync)) -> SkyView {
     let points = wall_points(surface, wall_heights_m);
     // Directions of one orientation follow one another, so that the surface is turned once.
     let mut azimuths: Vec<f64> = (0..AZIMUTHS).map(|i| (i as f64 + 0.5) * 360.0 / AZIMUTHS as f64).collect();
@@ -47,7 +47,7 @@ pub fn sky_view(surface: &mut CitySurface, wall_heights_m: &[f64], progress: &(d
     let done = std::sync::atomic::AtomicUsize::new(0);
     let step = || {
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        progress(done as f64 / AZIMUTHS as f64);
+        progress(done as f64 / AZIMUTHS as f64)
     };
     let mut all = sums(surface, &points, along, false, &step);
     surface.turn();
@@ -69,7 +69,7 @@ fn sums(
     points: &[WallPoint],
     azimuths: &[f64],
     is_turned: bool,
-    step: &(dyn Fn() + Sync),
+    step: &(dyn Fn() -> bool + Sync),
 ) -> SkySums {
     let rows = WallRows::new(points, surface.size(), is_turned);
     let nothing =
@@ -80,7 +80,9 @@ fn sums(
         let mut hulls = Vec::new();
         for azimuth in azimuths {
             add_direction(surface, &rows, points, *azimuth, &mut hulls, &mut part);
-            step();
+            if !step() {
+                break;
+            }
         }
         part
     };
@@ -149,7 +151,7 @@ mod tests {
     fn a_street_sees_the_sky_between_its_roofs() {
         let is_street = |x: usize| (40..61).contains(&x);
         let mut surface = surface(101, 1001, |x, _| if is_street(x) { 0.0 } else { 15.0 });
-        let sky = sky_view(&mut surface, &[], &|_| {});
+        let sky = sky_view(&mut surface, &[], &|_| true);
         let wanted = (15.0f64 / 11.0).atan().cos();
         let found = f64::from(sky.tops[500 * 101 + 50]);
         // Walls begin at the middle of their cells.
@@ -161,7 +163,7 @@ mod tests {
     fn walls_of_a_lonely_house_see_half_of_the_sky() {
         let mut surface =
             surface(41, 41, |x, y| if (15..25).contains(&x) && (15..25).contains(&y) { 9.0 } else { 0.0 });
-        let sky = sky_view(&mut surface, &[1.5, 20.0], &|_| {});
+        let sky = sky_view(&mut surface, &[1.5, 20.0], &|_| true);
         assert_eq!(sky.walls.len(), 40, "20 m is above the roof");
         assert!(sky.walls.iter().all(|share| (share - 39.6).abs() < 0.3), "{:?}", sky.walls);
     }

@@ -72,14 +72,14 @@ fn orbit(day_of_year: u32) -> f64 {
 }
 
 /// Computes the irradiation of a year under a clear sky: the sun itself by sweeps of shadows, and an even sky by the share of it that a
-/// place sees. SunLight that the ground or walls reflect is left out. `turbidity` is Linke's.
+/// place sees. SunLight that the ground or walls reflect is left out. `turbidity` is Linke's. `progress` is as that of [`sky_view`].
 #[must_use]
 pub fn solar_year(
     surface: &mut CitySurface,
     site: &Site,
     turbidity: f64,
     wall_heights_m: &[f64],
-    progress: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) -> bool + Sync),
 ) -> SolarYear {
     let (lights, diffuse) = lights(site, turbidity, surface.base_m.clamp(0.0, 5000.0));
     let SkyView { mut tops, wall_points, mut walls } =
@@ -138,7 +138,7 @@ mod tests {
         let house = |x: usize, y: usize| (30..40).contains(&x) && (30..38).contains(&y);
         let mut surface = surface(70, 70, |x, y| if house(x, y) { 12.0 } else { 0.0 });
         let delft = Site { latitude_deg: 52.0, longitude_deg: 4.36, north_deg: 0.0 };
-        let year = solar_year(&mut surface, &delft, 3.0, &[6.0], &|_| {});
+        let year = solar_year(&mut surface, &delft, 3.0, &[6.0], &|_| true);
         let at = |x: usize, y: usize| year.tops[y * 70 + x];
         // pvlib has 1,660 kWh/m2 on open ground; its mean turbidity there is a little higher.
         assert!((1550.0..1800.0).contains(&at(35, 34)), "{}", at(35, 34));

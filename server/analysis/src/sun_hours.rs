@@ -22,9 +22,15 @@ pub struct SunHours {
     pub walls: Vec<f32>,
 }
 
-/// Counts the hours of sun by a rule. `progress` gets the share of the work that is done.
+/// Counts the hours of sun by a rule. `progress` gets the share of the work that is done, and says whether to go on: values are not complete
+/// if it does not.
 #[must_use]
-pub fn sun_hours(surface: &mut CitySurface, site: &Site, rule: &Rule, progress: &(dyn Fn(f64) + Sync)) -> SunHours {
+pub fn sun_hours(
+    surface: &mut CitySurface,
+    site: &Site,
+    rule: &Rule,
+    progress: &(dyn Fn(f64) -> bool + Sync),
+) -> SunHours {
     match rule.mode {
         CountMode::Cumulative => count::<Count>(surface, site, rule, progress),
         CountMode::LongestRun => count::<LitRun>(surface, site, rule, progress),
@@ -52,10 +58,18 @@ pub fn shadow(surface: &CitySurface, sun: Bearing) -> Vec<bool> {
     dark
 }
 
-fn count<T: Tally>(surface: &mut CitySurface, site: &Site, rule: &Rule, progress: &(dyn Fn(f64) + Sync)) -> SunHours {
+fn count<T: Tally>(
+    surface: &mut CitySurface,
+    site: &Site,
+    rule: &Rule,
+    progress: &(dyn Fn(f64) -> bool + Sync),
+) -> SunHours {
     let points = wall_points(surface, &rule.wall_heights_m);
     let mut all = DayValues { mode: rule.day_mode, tops: Vec::new(), walls: Vec::new() };
     for (i, (day, weight)) in rule.days.iter().zip(day_weights(site, rule)).enumerate() {
+        if i > 0 && !progress(i as f64 / rule.days.len() as f64) {
+            break;
+        }
         let suns = rule.suns(site, *day).into_iter().map(|(_, sun)| SunLight { sun, strength: 1.0 });
         let of_day = |share: f64| progress((i as f64 + share) / rule.days.len() as f64);
         let Total::<T> { tops, walls } = total(surface, &points, suns.collect(), &of_day);
@@ -103,6 +117,7 @@ fn join(mode: DayMode, all: &mut Vec<f32>, day: impl Iterator<Item = f32>) {
 mod tests {
     use super::*;
     use crate::test_surface::surface;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     const DELFT: Site = Site { latitude_deg: 52.0, longitude_deg: 4.36, north_deg: 0.0 };
 
@@ -116,7 +131,7 @@ mod tests {
         let house = |x: usize, y: usize| (30..40).contains(&x) && (30..38).contains(&y);
         let mut surface = surface(70, 70, |x, y| if house(x, y) { 12.0 } else { 0.0 });
         let rule = rule("days = [\"03-21\"]\nstep_minutes = 10");
-        let hours = sun_hours(&mut surface, &DELFT, &rule, &|_| {});
+        let hours = sun_hours(&mut surface, &DELFT, &rule, &|_| true);
         let suns = rule.suns(&DELFT, rule.days[0]);
         assert!((70..=73).contains(&suns.len()), "an equinox has 12 hours: {}", suns.len());
         let by_ray = |x: usize, y: usize| {
@@ -154,8 +169,21 @@ mod tests {
     #[test]
     fn what_was_not_baked_has_no_hours() {
         let mut surface = surface(9, 9, |x, _| if x == 0 { f32::NEG_INFINITY } else { 0.0 });
-        let hours = sun_hours(&mut surface, &DELFT, &rule("days = [\"06-21\"]\nmode = \"longest-run\""), &|_| {});
+        let hours = sun_hours(&mut surface, &DELFT, &rule("days = [\"06-21\"]\nmode = \"longest-run\""), &|_| true);
         assert!(hours.tops[0].is_nan() && hours.tops[1] > 16.0 && hours.wall_points.is_empty());
+    }
+
+    #[test]
+    fn what_nobody_waits_for_ends() {
+        let mut surface = surface(40, 40, |_, _| 0.0);
+        let calls = AtomicUsize::new(0);
+        let stop = |_: f64| {
+            calls.fetch_add(1, Ordering::Relaxed);
+            false
+        };
+        let hours = sun_hours(&mut surface, &DELFT, &rule("range = [\"01-01\", \"12-31\"]"), &stop);
+        assert!(hours.tops.iter().all(|hours| *hours == 0.0));
+        assert!(calls.into_inner() < 10, "a question for each of thousands of suns");
     }
 
     #[test]

@@ -248,6 +248,12 @@ impl CitySurface {
         [self.corner, [0, 1].map(|k| self.corner[k] + size[k])]
     }
 
+    /// World position of the south-western corner of a cell, which is counted from the city's corner.
+    #[must_use]
+    pub fn corner_of(&self, cell: [u32; 2]) -> [f64; 2] {
+        [0, 1].map(|k| self.corner[k] + (f64::from(cell[k]) - f64::from(self.extent.min[k])) * self.cell_m)
+    }
+
     /// The cell of a place in world metres; `None` outside of the surface.
     #[must_use]
     pub fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {

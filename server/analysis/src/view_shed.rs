@@ -35,13 +35,14 @@ const OUTLINE_HEIGHTS: usize = 6;
 /// Which share of the walls of a planned building is seen from each cell, 0 to 1, by an eye `eye_m` above its top. `outline` is on the map
 /// in world metres; the building stands on the lowest ground along it and is `height_m` high. The surface is as it is without the
 /// building, and existing buildings within its outline are left out. `None` if no point of the outline is on the surface.
+/// `progress` gets the share of the work that is done, and says whether to go on: values are not complete if it does not.
 #[must_use]
 pub fn share_seen(
     surface: &CitySurface,
     outline: &[[f64; 2]],
     height_m: f64,
     eye_m: f64,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) -> bool + Sync),
 ) -> Option<Vec<f32>> {
     let cleared = surface.without(outline);
     let places = along(outline, OUTLINE_POINTS);
@@ -59,7 +60,10 @@ pub fn share_seen(
         for eye in eyes {
             let seen = seen_from(&cleared, *eye, eye_m, f64::INFINITY).unwrap_or_default();
             counts.iter_mut().zip(seen).for_each(|(count, seen)| *count += u16::from(seen));
-            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / places.len() as f64 / OUTLINE_HEIGHTS as f64);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if !progress(done as f64 / places.len() as f64 / OUTLINE_HEIGHTS as f64) {
+                break;
+            }
         }
         counts
     };
@@ -164,12 +168,12 @@ mod tests {
     fn a_tower_is_seen_over_what_is_lower() {
         let surface = surface(81, 41, |x, y| if (20..24).contains(&x) && (5..36).contains(&y) { 10.0 } else { 0.0 });
         let outline = [[1058.0, 2018.0], [1062.0, 2018.0], [1062.0, 2022.0], [1058.0, 2022.0]];
-        let share = |height: f64| share_seen(&surface, &outline, height, 1.6, &|_| {}).unwrap();
+        let share = |height: f64| share_seen(&surface, &outline, height, 1.6, &|_| true).unwrap();
         let at = |share: &[f32], x: usize| share[20 * 81 + x];
         let (low, high) = (share(9.0), share(60.0));
         assert_eq!([at(&low, 40), at(&low, 5)], [1.0, 0.0], "a house of 10 m hides one of 9 m");
         assert!((0.4..0.9).contains(&at(&high, 5)), "its upper part is seen: {}", at(&high, 5));
-        assert_eq!(share_seen(&surface, &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], 9.0, 1.6, &|_| {}), None);
+        assert_eq!(share_seen(&surface, &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], 9.0, 1.6, &|_| true), None);
     }
 
     /// An area that a person can see is one that sees the person.

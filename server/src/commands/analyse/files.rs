@@ -2,11 +2,17 @@
 
 use super::{
     super::{error::CommandError, output::print_result},
-    Answer, Files, Question,
+    Files, Question,
     checks::{is_flatgeobuf, is_geojson},
     sheet,
 };
-use crate::args::Analysis;
+use crate::{
+    analysis::{
+        answer::Answer,
+        regions::{coordinates, lon_lat},
+    },
+    args::Analysis,
+};
 use insula_analysis::{
     buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table},
     outlines::outlines,
@@ -55,11 +61,6 @@ pub(super) fn write(
 
 /// Says what was written and what it says: several times of shadow as a line of JSON each.
 fn report(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>, written: &Written, files: &Files) {
-    let of = |places: &PlaceValues| {
-        let [least, most] = [places.least, places.most].map(|end| (places.count > 0).then_some(end));
-        let share = answer.asked.and_then(|_| places.share());
-        json!({ "count": places.count, "least": least, "mean": places.mean(), "most": most, "share_reaching": share })
-    };
     let facts = json!({
         "out": files.out.display().to_string(),
         "bytes": written.bytes,
@@ -67,9 +68,9 @@ fn report(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>,
         "unit": answer.column,
         "asked": answer.asked,
         "notes": answer.notes,
-        "roofs": values.map(|values| of(&values.roofs)),
-        "walls": values.map(|values| of(&values.walls)),
-        "ground": values.map(|values| of(&values.ground)),
+        "roofs": values.map(|values| answer.numbers(&values.roofs)),
+        "walls": values.map(|values| answer.numbers(&values.walls)),
+        "ground": values.map(|values| answer.numbers(&values.ground)),
         "attribution": written.attribution,
     });
     print_result(question.args.json, &facts, &text(question, answer, values, written, files));
@@ -135,16 +136,9 @@ fn write_polygons(
     let unknown = "it is not known where on Earth this city lies: write a .tif";
     let place = question.place.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
     let is_in: Vec<bool> = answer.tops.iter().map(|value| *value > answer.area_from).collect();
-    let degrees = |[x, y]: &[u32; 2]| {
-        let corner = [x, y].map(|v| f64::from(*v) * surface.cell_m);
-        // Decimals of a degree below a centimetre.
-        let round = |degrees: f64| (degrees * 1e7).round() / 1e7;
-        place.lon_lat([0, 1].map(|k| surface.corner[k] + corner[k])).map(|place| place.map(round))
-    };
-    let ring = |ring: &Vec<[u32; 2]>| ring.iter().chain(ring.first()).map(degrees).collect::<Option<Vec<_>>>();
-    let polygons = outlines(&is_in, surface.size()[0]);
-    let polygons: Option<Vec<_>> =
-        polygons.iter().map(|rings| rings.iter().map(ring).collect::<Option<Vec<_>>>()).collect();
+    let degrees =
+        |[x, y]: [u32; 2]| lon_lat(place, [0, 1].map(|k| surface.corner[k] + f64::from([x, y][k]) * surface.cell_m));
+    let polygons = coordinates(&outlines(&is_in, surface.size()[0]), &degrees);
     let polygons = polygons.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
     let attribution = insula_export::table::attribution(question.source.manifest());
     let collection = serde_json::json!({

@@ -1,7 +1,8 @@
 //! What an analysis says of the change by a proposal.
 
-use super::{super::error::CommandError, Answer};
+use super::super::error::CommandError;
 use crate::{
+    analysis::answer::Answer,
     args::Analysis,
     proposal::{Proposal, ProposedChange, ProposedObjects},
 };

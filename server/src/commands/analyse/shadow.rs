@@ -1,11 +1,10 @@
 //! Shadows at the times of `--time` and `--times`.
 
-use super::{super::error::CommandError, Answer, Files};
-use crate::args::AnalyseArgs;
+use super::{super::error::CommandError, Files};
+use crate::{analysis::answer::Answer, args::AnalyseArgs};
 use insula_analysis::{
     clock::{Moment, TimeSystem},
-    sun::{Bearing, Site},
-    sun_hours::shadow,
+    sun::Site,
     surface::CitySurface,
 };
 use std::path::{Path, PathBuf};
@@ -55,16 +54,6 @@ fn moments(args: &AnalyseArgs) -> Result<Vec<Moment>, CommandError> {
 
 /// The shadow at a time.
 pub(super) fn at(surface: &CitySurface, site: &Site, moment: &Moment) -> Result<Answer, CommandError> {
-    let sun = site.sun_at(moment);
-    let sun = sun.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))?;
-    let dark = shadow(surface, sun);
-    let north = Bearing { azimuth_deg: site.from_true_north(sun), ..sun };
-    Ok(Answer { notes: vec![sun_text(north)], ..Answer::of_places(surface, &dark, format!("shadow at {moment}")) })
-}
-
-fn sun_text(sun: Bearing) -> String {
-    if sun.altitude_deg <= 0.0 {
-        return "the sun is below the horizon: all lies in shadow".to_owned();
-    }
-    format!("the sun stands at {:.1} degrees, {:.1} above the horizon", sun.azimuth_deg, sun.altitude_deg)
+    let answer = Answer::of_shadow(surface, site, moment);
+    answer.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))
 }

@@ -2,21 +2,22 @@
 
 use super::{
     super::{error::CommandError, output::print_result},
-    Answer,
     files::summary,
     proposal::AfterProposal,
     site_of,
 };
-use crate::args::{AnalyseArgs, Analysis};
+use crate::{
+    analysis::answer::{Answer, Progress, notes_of},
+    args::{AnalyseArgs, Analysis},
+};
 use image::ImageFormat;
 use insula_analysis::{
     buildings::PlaceValues,
     evidence::Evidence,
     points::{Point, PointHeight, PointSun, around, parse_points, sun_at_points, write_table},
     rays::CityTriangles,
-    rule::{DayMode, Measure, Rule},
+    rule::Rule,
     sun::Site,
-    sun_hours::sun_hours,
     surface::CitySurface,
 };
 use insula_archive::{file::read_text, new_file::replace};
@@ -44,20 +45,9 @@ pub(super) fn sun(
     args: &AnalyseArgs,
     surface: &mut CitySurface,
     site: &Site,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: Progress<'_>,
 ) -> Result<Answer, CommandError> {
-    let rule = rule(args)?;
-    let hours = sun_hours(surface, site, &rule, progress);
-    Ok(Answer {
-        tops: hours.tops,
-        points: hours.wall_points,
-        walls: hours.walls,
-        asked: rule.asked,
-        notes: notes_of(&rule),
-        title: rule.title,
-        column: rule.measure.unit(),
-        ..Answer::default()
-    })
+    Ok(Answer::of_sun(surface, site, rule(args)?, progress))
 }
 
 /// The rule of `--rule`. Fails if there is none of its name, and no such file.
@@ -76,35 +66,6 @@ fn rule(args: &AnalyseArgs) -> Result<Rule, CommandError> {
         rule.wall_heights_m.clone_from(&args.wall_heights);
     }
     Ok(rule)
-}
-
-/// What a rule says, in sentences.
-fn notes_of(rule: &Rule) -> Vec<String> {
-    let mut notes =
-        vec![format!("rule: {} ({})", rule.title, rule.source), format!("the rule's hours are those of {}", rule.time)];
-    if rule.left_out > 0 {
-        let each = count(rule.days.len() as u64, "day");
-        notes.push(format!("{each} of the rule's {} were computed", rule.days.len() + rule.left_out));
-    }
-    match rule.measure {
-        Measure::Hours => {}
-        Measure::ProbableSunlight(Some(_)) => notes.push(
-            "an hour of sun counts by the mean sunshine of its month, all hours of the month alike; BR 209 has it by hours"
-                .to_owned(),
-        ),
-        Measure::ProbableSunlight(None) => {
-            notes.push("all hours of sun count alike: the rule has no sunshine_hours, so clouds are left out".to_owned());
-        }
-    }
-    if rule.days.len() > 1 && rule.measure == Measure::Hours {
-        let which = match rule.day_mode {
-            DayMode::Least => "hours are those of the day with the least sun",
-            DayMode::Most => "hours are those of the day with the most sun",
-            DayMode::Sum => "hours are those of all days together",
-        };
-        notes.push(which.to_owned());
-    }
-    notes
 }
 
 /// The points of a table. Fails with what is wrong with it.

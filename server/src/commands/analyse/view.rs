@@ -1,7 +1,11 @@
 //! View sheds: of a place, and of a planned building.
 
-use super::{super::error::CommandError, Answer, EYE_M, vista::vista};
-use crate::{area_file::read_polygons, args::AnalyseArgs};
+use super::{super::error::CommandError, vista::vista};
+use crate::{
+    analysis::answer::{Answer, EYE_M, Progress},
+    area_file::read_polygons,
+    args::AnalyseArgs,
+};
 use insula_analysis::{
     surface::CitySurface,
     view_shed::{seen_from, share_seen},
@@ -13,7 +17,7 @@ pub(super) fn view(
     args: &AnalyseArgs,
     surface: &CitySurface,
     place: Option<&EarthPlace>,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: Progress<'_>,
 ) -> Result<Answer, CommandError> {
     if let Some(path) = &args.vista {
         return vista(path, surface, place, None);
@@ -53,7 +57,7 @@ fn view_of(
     path: &Path,
     surface: &CitySurface,
     place: Option<&EarthPlace>,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: Progress<'_>,
 ) -> Result<Answer, CommandError> {
     let polygons = read_polygons(path, surface.bounds(), place);
     let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--of {reason}")))?;

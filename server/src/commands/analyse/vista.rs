@@ -1,7 +1,7 @@
 //! Protected vistas of a GeoJSON file, and what breaks into them.
 
-use super::{super::error::CommandError, Answer};
-use crate::{area_file::bring_to_map, proposal::Proposal};
+use super::super::error::CommandError;
+use crate::{analysis::answer::Answer, area_file::bring_to_map, proposal::Proposal};
 use insula_analysis::{
     surface::CitySurface,
     vista::{Vista, breaches, write_table},

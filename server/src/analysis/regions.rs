@@ -1,0 +1,60 @@
+//! Areas of an answer as polygons of GeoJSON.
+
+use super::{
+    answer::Answer,
+    colors::{Colors, ValueClass, class_of},
+    samples::Samples,
+};
+use insula_analysis::{
+    outlines::{CellPolygon, outlines},
+    surface::CitySurface,
+};
+use insula_bake::read::EarthPlace;
+use serde_json::{Value, json};
+
+/// Coordinates of a MultiPolygon. `place` gives those of a corner, or `None` where there are none; then the result is `None`.
+pub(crate) fn coordinates(
+    polygons: &[CellPolygon],
+    place: &dyn Fn([u32; 2]) -> Option<[f64; 2]>,
+) -> Option<Vec<Vec<Vec<[f64; 2]>>>> {
+    let ring = |ring: &Vec<[u32; 2]>| {
+        let corners = ring.iter().chain(ring.first());
+        corners.map(|corner| place(*corner)).collect::<Option<Vec<_>>>()
+    };
+    polygons.iter().map(|rings| rings.iter().map(ring).collect::<Option<Vec<_>>>()).collect()
+}
+
+/// Longitude and latitude of a place in world metres, with decimals of a degree that are below a centimetre.
+pub(crate) fn lon_lat(place: &EarthPlace, at: [f64; 2]) -> Option<[f64; 2]> {
+    place.lon_lat(at).map(|degrees| degrees.map(|degrees| (degrees * 1e7).round() / 1e7))
+}
+
+/// A feature for each class of values, from low to high, with its area, which may be empty. `place` gives the coordinates of a place in
+/// world metres; `None` if they are not known.
+pub(crate) fn features(
+    answer: &Answer,
+    surface: &CitySurface,
+    samples: &Samples,
+    colors: &Colors,
+    place: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+) -> Option<Vec<Value>> {
+    let [width, height] = samples.size;
+    let classes = colors.classes(answer.asked);
+    let squares = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+    let value = |square| answer.tops[surface.extent.index(samples.cell(square))];
+    let found: Vec<Option<usize>> = squares.map(|square| class_of(&classes, value(square))).collect();
+    let corner = |square: [u32; 2]| place(surface.corner_of(samples.corner(square)));
+    let feature = |(number, class): (usize, &ValueClass)| {
+        let is_in: Vec<bool> = found.iter().map(|found| *found == Some(number)).collect();
+        let coordinates = coordinates(&outlines(&is_in, width as usize), &corner)?;
+        let [from, to] = [class.from, class.to].map(|border| (border * 1e6).round() / 1e6);
+        let [r, g, b] = class.rgb;
+        Some(json!({
+            "type": "Feature",
+            "id": number,
+            "properties": { "from": from, "to": to, "fill": format!("#{r:02x}{g:02x}{b:02x}") },
+            "geometry": { "type": "MultiPolygon", "coordinates": coordinates },
+        }))
+    };
+    classes.iter().enumerate().map(feature).collect()
+}
