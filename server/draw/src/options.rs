@@ -18,7 +18,7 @@ use insula_objects::{
     ColorBy,
     filter::{Filter, MAX_FILTER_BYTES},
 };
-use insula_protocol::area::{is_in_degrees, is_in_metres};
+use insula_protocol::area::requested_area;
 use serde::Deserialize;
 
 /// Largest coordinate in metres.
@@ -161,22 +161,7 @@ impl DrawingOptions {
 
     /// Corners on the map of the area that is drawn; `None` for all of the city.
     fn area(&self, on_map: &dyn Fn([f64; 4]) -> Option<[[f64; 2]; 2]>) -> Result<Option<[[f64; 2]; 2]>, DrawError> {
-        match (self.bbox, self.bbox_metres) {
-            (Some(_), Some(_)) => invalid("at most one of bbox and bbox_metres"),
-            (Some(degrees), None) if !is_in_degrees(degrees) => {
-                invalid("bbox: expected west, south, east and north in degrees; bbox_metres takes metres")
-            }
-            (Some(degrees), None) => match on_map(degrees) {
-                None => invalid(
-                    "bbox: it is not known where on Earth this city lies, or the area is out of its coordinate system: use bbox_metres",
-                ),
-                area => Ok(area),
-            },
-            (None, Some(metres)) if !is_in_metres(metres) => {
-                invalid("bbox_metres: expected west, south, east and north in metres")
-            }
-            (None, metres) => Ok(metres.map(|[west, south, east, north]| [[west, south], [east, north]])),
-        }
+        requested_area(self.bbox, self.bbox_metres, on_map).map_err(|reason| DrawError::Invalid(reason.to_owned()))
     }
 
     /// What is drawn of a city: with a filter, after reading all of its objects. `on_map` gives the corners on the city's map of an area
