@@ -36,6 +36,8 @@ const FILTER: &str = "filter";
 const GROUPS: &str = "groups";
 /// What follows a city in the address of its drawings.
 const DRAW: &str = "draw";
+/// What follows a city in the address of its analyses.
+const ANALYSE: &str = "analyse";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -95,6 +97,10 @@ pub enum Route<'a> {
     },
     /// Vector drawings of a city, which are made of the body of a POST request.
     Draw {
+        city: &'a str,
+    },
+    /// Analyses of a part of a city, which are made of the body of a POST request.
+    Analyse {
         city: &'a str,
     },
     /// The root of a city's tileset in the format 3D Tiles.
@@ -195,10 +201,11 @@ impl<'a> Route<'a> {
         if let Some(group) = parse_group(rest) {
             return group;
         }
-        if let Some(city) =
-            rest.strip_suffix(DRAW).and_then(|city| city.strip_suffix('/')).filter(|it| !it.contains('/'))
-        {
-            return if is_name(city) { Ok(Self::Draw { city }) } else { Err(RouteError::InvalidName) };
+        match rest.split_once('/') {
+            Some((city, DRAW | ANALYSE)) if !is_name(city) => return Err(RouteError::InvalidName),
+            Some((city, DRAW)) => return Ok(Self::Draw { city }),
+            Some((city, ANALYSE)) => return Ok(Self::Analyse { city }),
+            _ => {}
         }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
@@ -230,6 +237,7 @@ impl<'a> Route<'a> {
             Self::Filter { .. } => RouteTemplate::Filter,
             Self::Group { .. } => RouteTemplate::Groups,
             Self::Draw { .. } => RouteTemplate::Draw,
+            Self::Analyse { .. } => RouteTemplate::Analyse,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -253,6 +261,7 @@ impl fmt::Display for Route<'_> {
             Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
             Self::Filter { city, version } => write!(f, "{CITIES}/{city}/{version}/{FILTER}"),
             Self::Draw { city } => write!(f, "{CITIES}/{city}/{DRAW}"),
+            Self::Analyse { city } => write!(f, "{CITIES}/{city}/{ANALYSE}"),
             Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();

@@ -368,6 +368,9 @@ pub struct ServeArgs {
     /// Make vector drawings for clients, so many at once [default: 0, none]
     #[arg(long, value_name = "N")]
     pub drawings: Option<usize>,
+    /// Make analyses of sun, sky and shadows for clients, so many at once [default: 0, none]
+    #[arg(long, value_name = "N")]
+    pub analyses: Option<usize>,
     /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

@@ -344,14 +344,27 @@ mod tests {
             (
                 false,
                 None,
-                &[RouteTemplate::Search, RouteTemplate::Filter, RouteTemplate::Draw, RouteTemplate::Tileset][..],
+                &[
+                    RouteTemplate::Search,
+                    RouteTemplate::Filter,
+                    RouteTemplate::Draw,
+                    RouteTemplate::Analyse,
+                    RouteTemplate::Tileset,
+                ][..],
             ),
             (true, None, &[RouteTemplate::Search]),
             (false, Some([0; 4]), &[]),
             (true, Some([0; 4]), &[]),
         ] {
             let scope = ShareScope { is_read_only, area_mm };
-            for route in [RouteTemplate::Search, RouteTemplate::Filter, RouteTemplate::Draw, RouteTemplate::Tileset] {
+            let all = [
+                RouteTemplate::Search,
+                RouteTemplate::Filter,
+                RouteTemplate::Draw,
+                RouteTemplate::Analyse,
+                RouteTemplate::Tileset,
+            ];
+            for route in all {
                 assert_eq!(scope.admits_computed(route), computed.contains(&route), "{scope:?} {route:?}");
             }
         }

@@ -1,7 +1,7 @@
 //! Kinds of addresses, for the router and for metrics.
 
 use super::{
-    CITIES, DRAW, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, READINESS, SEARCH, SERVICE_WORKER, THUMBNAIL_FILE,
+    ANALYSE, CITIES, DRAW, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, READINESS, SEARCH, SERVICE_WORKER, THUMBNAIL_FILE,
     TILESET_FILE,
 };
 use crate::TileKind;
@@ -18,6 +18,7 @@ pub enum RouteTemplate {
     Filter,
     Groups,
     Draw,
+    Analyse,
     Tileset,
     TilesetFile,
     Manifest,
@@ -37,7 +38,7 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
@@ -47,6 +48,7 @@ impl RouteTemplate {
         Self::Filter,
         Self::Groups,
         Self::Draw,
+        Self::Analyse,
         Self::Tileset,
         Self::TilesetFile,
         Self::Manifest,
@@ -78,6 +80,7 @@ impl RouteTemplate {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
             }
             (Some("v1"), Some("cities"), Some(_), Some(DRAW), None) => Self::Draw,
+            (Some("v1"), Some("cities"), Some(_), Some(ANALYSE), None) => Self::Analyse,
             (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
             (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
             (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,
@@ -115,6 +118,7 @@ impl RouteTemplate {
             Self::Filter => FILTER,
             Self::Groups => GROUPS,
             Self::Draw => DRAW,
+            Self::Analyse => ANALYSE,
             Self::Tileset => "tileset",
             Self::TilesetFile => "tileset-files",
             Self::Manifest => "manifest",
@@ -144,6 +148,7 @@ impl RouteTemplate {
             Self::Filter => "/v1/cities/{city}/{version}/filter",
             Self::Groups => "/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}",
             Self::Draw => "/v1/cities/{city}/draw",
+            Self::Analyse => "/v1/cities/{city}/analyse",
             Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
             Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
             Self::Manifest => "/v1/cities/{city}",

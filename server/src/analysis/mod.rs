@@ -3,4 +3,5 @@
 pub(crate) mod answer;
 pub(crate) mod colors;
 pub(crate) mod regions;
+pub(crate) mod request;
 pub(crate) mod samples;

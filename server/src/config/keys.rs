@@ -10,7 +10,7 @@ use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 50] = [
+pub(super) const SETTINGS: [(&str, &str); 54] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
     (
@@ -54,6 +54,10 @@ pub(super) const SETTINGS: [(&str, &str); 50] = [
     ("drawings.waiting", "requests that may wait for that; further ones are rejected with 503"),
     ("drawings.secs", "seconds within which a drawing must be made, including the wait"),
     ("drawings.triangles", "triangles of a drawing; larger ones are rejected with 400"),
+    ("analyses.at_once", "analyses (sun, sky, shadows) that are made at the same time for clients; 0: none"),
+    ("analyses.waiting", "requests that may wait for that; further ones are rejected with 503"),
+    ("analyses.secs", "seconds within which an analysis must be made, including the wait"),
+    ("analyses.cells", "cells of an analysis with the 500 m around its area; larger ones are rejected with 400"),
     ("cache.memory_bytes", "bytes of limits.cache_bytes for blocks of remote cities, if there are any"),
     ("cache.block_bytes", "bytes of a block, the unit in which remote cities are fetched"),
     ("cache.folder", "folder of the disk cache for blocks; \"\": none"),
@@ -135,6 +139,10 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "drawings.waiting" => SettingField::Usize(&mut config.drawings.waiting, 0..=1000),
         "drawings.secs" => SettingField::U64(&mut config.drawings.secs, 1..=3600),
         "drawings.triangles" => SettingField::Usize(&mut config.drawings.triangles, 1000..=4_000_000),
+        "analyses.at_once" => SettingField::Usize(&mut config.analyses.at_once, 0..=64),
+        "analyses.waiting" => SettingField::Usize(&mut config.analyses.waiting, 0..=1000),
+        "analyses.secs" => SettingField::U64(&mut config.analyses.secs, 1..=3600),
+        "analyses.cells" => SettingField::U64(&mut config.analyses.cells, 1000..=64 << 20),
         "cache.memory_bytes" => SettingField::U64(&mut config.cache.memory_bytes, 0..=1 << 40),
         "cache.block_bytes" => SettingField::U64(&mut config.cache.block_bytes, 4096..=16 << 20),
         "cache.folder" => SettingField::File(&mut config.cache.folder),

@@ -16,7 +16,7 @@ pub(crate) use load::environment;
 pub use network::Network;
 pub use public_url::PublicUrl;
 pub use settings::{
-    AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig, LogConfig, LogFormat,
-    LogRequests, ReloadConfig, ServeConfig, TlsConfig,
+    AccessConfig, AnalysesConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig,
+    LogConfig, LogFormat, LogRequests, ReloadConfig, ServeConfig, TlsConfig,
 };
 pub use site::SiteConfig;

@@ -24,6 +24,7 @@ pub struct ServeConfig {
     pub reload: ReloadConfig,
     pub limits: LimitsConfig,
     pub drawings: DrawingsConfig,
+    pub analyses: AnalysesConfig,
     pub cache: BlockCacheConfig,
     pub access: AccessConfig,
     pub site: SiteConfig,
@@ -95,6 +96,19 @@ pub struct DrawingsConfig {
     pub secs: u64,
     /// Triangles of a drawing.
     pub triangles: usize,
+}
+
+/// Analyses that are made for clients.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AnalysesConfig {
+    /// Analyses that are made at the same time; 0 for none.
+    pub at_once: usize,
+    /// Requests that may wait for that.
+    pub waiting: usize,
+    /// Seconds within which an analysis must be made, including the wait.
+    pub secs: u64,
+    /// Cells of an analysis, with those around its area.
+    pub cells: u64,
 }
 
 /// Block cache of cities in object stores and behind web servers.
@@ -180,6 +194,7 @@ impl Default for ServeConfig {
             reload: ReloadConfig { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
             limits: LimitsConfig::default(),
             drawings: DrawingsConfig { at_once: 0, waiting: 4, secs: 60, triangles: 200_000 },
+            analyses: AnalysesConfig { at_once: 0, waiting: 4, secs: 120, cells: 8_000_000 },
             cache: BlockCacheConfig::default(),
             access: AccessConfig::default(),
             site: SiteConfig::default(),

@@ -27,7 +27,7 @@ const NO_PICTURE: Problem = Problem::not_found("there is no picture of this city
 /// `/cities/{city}`. Without a required token, 401, and for an unknown city, 404: for people as a page.
 pub(super) async fn city_page(State(state): State<AppState>, method: Method, uri: Uri, headers: HeaderMap) -> Response {
     match find(&state, RouteTemplate::CityPage, &uri, &headers) {
-        Ok((city, access)) => respond_with_city(&state, &city, access.is_public(), &method, &uri, &headers),
+        Ok((city, access)) => respond_with_city(&state, &city, access, &method, &uri, &headers),
         Err(problem) => wrong_address::respond(&state, problem, &uri, &headers),
     }
 }
@@ -82,14 +82,19 @@ fn find(
 pub(super) fn respond_with_city(
     state: &AppState,
     city: &CityStore,
-    is_public: bool,
+    access: CityAccess,
     method: &Method,
     uri: &Uri,
     headers: &HeaderMap,
 ) -> Response {
     let facts = facts(city);
     let root = relative_root(uri);
-    let links = CityLinks { list: Some(relative(&root, "/")), ..links(state, city, is_public, uri, headers) };
+    let is_public = access.is_public();
+    let links = CityLinks {
+        list: Some(relative(&root, "/")),
+        rules: rules(state, access),
+        ..links(state, city, is_public, uri, headers)
+    };
     let (html, policy) = match state.viewer() {
         Some(viewer) => (page::city_page(facts, &links, viewer.assets(), state.brand()), page::viewer_policy()),
         None => {
@@ -101,6 +106,22 @@ pub(super) fn respond_with_city(
     };
     let vary = state.viewer().is_none().then_some(HeaderValue::from_static("accept-language"));
     respond(html, policy, is_public, vary, method, headers)
+}
+
+/// The rules by which the page may let the server compute.
+fn rules(state: &AppState, access: CityAccess) -> Vec<&'static str> {
+    let is_offered = state.takes_body(RouteTemplate::Analyse) && access.admits_computed(RouteTemplate::Analyse);
+    if is_offered { rule_names() } else { Vec::new() }
+}
+
+#[cfg(feature = "bake")]
+fn rule_names() -> Vec<&'static str> {
+    insula_analysis::rule::Rule::names().collect()
+}
+
+#[cfg(not(feature = "bake"))]
+fn rule_names() -> Vec<&'static str> {
+    Vec::new()
 }
 
 /// A city as pages describe it.
@@ -125,6 +146,7 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &U
         canonical: origin.map(|origin| origin + &route::city_page(name)),
         list: None,
         is_public,
+        rules: Vec::new(),
         meta_policy: None,
     }
 }

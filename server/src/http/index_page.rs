@@ -1,7 +1,7 @@
 //! The page at `/`: the cities with their sources, and the command that opens them; of a single city, the city's page.
 
 use super::{
-    access_control::Credentials,
+    access_control::{CityAccess, Credentials},
     city_page::{facts, links, respond_with_city},
     fair_queue::{Shed, StopFlag},
     page_request::page_request,
@@ -53,8 +53,9 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
     if state.viewer().is_some() && request.after.is_none() && !has_token {
         let mut first = catalog.store().cities().filter(is_visible);
         if let (Some(city), None) = (first.next(), first.next()) {
-            let is_public = !is_shared(&city.manifest().name);
-            return Ok(respond_with_city(state, city, is_public, method, uri, headers));
+            let name = &city.manifest().name;
+            let access = shared.as_ref().filter(|grant| grant.city == *name).map(|grant| CityAccess::Link(grant.scope));
+            return Ok(respond_with_city(state, city, access.unwrap_or(CityAccess::Public), method, uri, headers));
         }
     }
     let icon = state.viewer().map(|viewer| viewer.assets().folder("") + "icon.svg");

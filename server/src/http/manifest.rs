@@ -86,7 +86,7 @@ pub(super) async fn manifest(
     if let (CityAccess::Link(_), Some(city)) = (access, city)
         && accepts(&headers, "text/html") > 0.0
     {
-        return Ok(respond_with_city(&state, city, false, &method, &uri, &headers));
+        return Ok(respond_with_city(&state, city, access, &method, &uri, &headers));
     }
     let document = catalog.documents().city(name).ok_or(not_found)?;
     let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));

@@ -1,9 +1,9 @@
 //! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, draw, manifest, index_page,
+//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, draw, analyse, manifest, index_page,
 //!                                                                                       city_page, viewer_files, health
-//! search, filter, group, tileset, draw -> work_queues -> fair_queue              the routes that compute
+//! search, filter, group, tileset, draw, analyse -> work_queues -> fair_queue     the routes that compute
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
@@ -12,6 +12,8 @@
 
 mod accept;
 mod access_control;
+#[cfg(feature = "bake")]
+mod analyse;
 mod cached_tiles;
 mod catalog;
 mod city_documents;
@@ -23,8 +25,6 @@ mod connection_state;
 mod content_encoding;
 #[cfg(feature = "bake")]
 mod draw;
-#[cfg(feature = "bake")]
-mod drawings;
 mod fair_queue;
 mod filter;
 mod group;
@@ -38,6 +38,8 @@ mod metrics;
 mod operations;
 mod page_request;
 mod page_response;
+#[cfg(feature = "bake")]
+mod posted;
 mod problem;
 mod rate_limit;
 mod reload;
@@ -62,6 +64,8 @@ mod turns;
 mod viewer_content;
 mod viewer_files;
 mod work_queues;
+#[cfg(feature = "bake")]
+mod work_threads;
 mod worker;
 mod wrong_address;
 

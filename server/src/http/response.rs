@@ -7,8 +7,8 @@ use axum::{
 
 const ANY: HeaderValue = HeaderValue::from_static("*");
 
-/// Methods of the address of drawings.
-pub(super) const DRAWING_METHODS: HeaderValue = HeaderValue::from_static("POST,OPTIONS");
+/// Methods of the addresses of drawings and analyses.
+pub(super) const POST_METHODS: HeaderValue = HeaderValue::from_static("POST,OPTIONS");
 
 /// Value of `Referrer-Policy`: the address may hold a share link.
 pub(super) const NO_REFERRER: HeaderValue = HeaderValue::from_static("no-referrer");

@@ -49,9 +49,11 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Filter => get(filter::filter),
         RouteTemplate::Groups => get(group::group),
         #[cfg(feature = "bake")]
-        RouteTemplate::Draw => axum::routing::post(super::draw::draw).fallback(super::draw::other_method),
+        RouteTemplate::Draw => axum::routing::post(super::draw::draw).fallback(super::posted::other_method),
+        #[cfg(feature = "bake")]
+        RouteTemplate::Analyse => axum::routing::post(super::analyse::analyse).fallback(super::posted::other_method),
         #[cfg(not(feature = "bake"))]
-        RouteTemplate::Draw => get(wrong_address::not_found),
+        RouteTemplate::Draw | RouteTemplate::Analyse => get(wrong_address::not_found),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]
@@ -91,6 +93,7 @@ mod tests {
             R::Filter => of_version("filter?expr=height+%3E+1"),
             R::Groups => of_version("groups/blockmaps/1/0/0/4/0"),
             R::Draw => "/v1/cities/two/draw".to_owned(),
+            R::Analyse => "/v1/cities/two/analyse".to_owned(),
             R::Tileset => "/v1/cities/two/3dtiles/tileset.json".to_owned(),
             R::TilesetFile => format!("/v1/cities/two/3dtiles/{VERSION}/subtrees/0/0/0.subtree"),
             R::Manifest => "/v1/cities/two".to_owned(),
@@ -108,10 +111,14 @@ mod tests {
             R::Other => return None,
         };
         assert_eq!(RouteTemplate::of_path(path.split('?').next().unwrap()), route);
-        let is_post = route == R::Draw;
-        let request = Request::builder().uri(path).method(if is_post { "POST" } else { "GET" });
+        let body = match route {
+            R::Draw => Some(r#"{"format":"svg"}"#),
+            R::Analyse => Some(r#"{"kind":"sky","bbox_metres":[85000,446000,85100,446100]}"#),
+            _ => None,
+        };
+        let request = Request::builder().uri(path).method(if body.is_some() { "POST" } else { "GET" });
         let request = request.header(header::CONTENT_TYPE, "application/json");
-        Some(request.body(if is_post { r#"{"format":"svg"}"#.into() } else { Body::empty() }).unwrap())
+        Some(request.body(body.map_or_else(Body::empty, Body::from)).unwrap())
     }
 
     /// With queues that give up all work, exactly the routes that compute are 503: none computes past its queue.
@@ -122,7 +129,7 @@ mod tests {
         let index = insula_objects::search::SearchIndexBuilder::new().finish().unwrap();
         std::fs::write(folder.path().join(insula_archive::city::SEARCH_FILE), index).unwrap();
         let mut config = ServeConfig::default();
-        config.drawings.at_once = 1;
+        (config.drawings.at_once, config.analyses.at_once) = (1, 1);
         let open = || Store::open(&[folder.path()]).unwrap();
         let [closed, running] = [AppState::with_closed_queues(open(), &config), AppState::new(open(), &config)];
         for route in RouteTemplate::ALL {

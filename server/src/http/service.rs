@@ -8,7 +8,7 @@ use super::{
     problem::{NO_ROUTE, Problem},
     request_guard::{RequestGuard, RequestLogEntry},
     request_host::{check_host, client_address},
-    response::{DRAWING_METHODS, NO_REFERRER, with_cors},
+    response::{NO_REFERRER, POST_METHODS, with_cors},
     response_body::{GuardedBody, PlainBody, ResponseBody},
     router::{ALLOWED_METHODS, router},
     state::AppState,
@@ -130,7 +130,7 @@ impl HttpService {
         Self::with_routes(self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
-    /// Responds to a request. `body` is read for drawings only.
+    /// Responds to a request. `body` is read for drawings and analyses only.
     pub(super) fn respond(
         &self,
         connection: Option<&Arc<ConnectionState>>,
@@ -168,14 +168,14 @@ impl HttpService {
             parts.extensions.insert(RequestClient(client_network(ip)));
         }
         if parts.method == Method::OPTIONS {
-            let response = preflight(pending.allows_any_origin, self.takes_body(route));
+            let response = preflight(pending.allows_any_origin, self.state().takes_body(route));
             return pending.ready(Ok(response));
         }
         // Counts the request among those in flight.
         if !route.is_operational() && !pending.guard.try_enter() {
             return pending.ready(Err(too_busy()));
         }
-        let body = if self.takes_body(route) { body() } else { Body::empty() };
+        let body = if self.state().takes_body(route) { body() } else { Body::empty() };
         match self.0.routes.clone().call(Request::from_parts(parts, body)) {
             CachedTilesFuture::Ready(response) => ResponseFuture::Ready(response.map(|it| pending.finish(Ok(it)))),
             routed => ResponseFuture::Pending(Box::pin(async move {
@@ -183,11 +183,6 @@ impl HttpService {
                 pending.finish(Ok(response))
             })),
         }
-    }
-
-    /// Whether requests for such addresses have a body.
-    fn takes_body(&self, route: RouteTemplate) -> bool {
-        route == RouteTemplate::Draw && self.state().is_drawing()
     }
 
     /// Checks that precede routing. Fails with 503, 431, 400, 421, 429 or 404.
@@ -205,7 +200,7 @@ impl HttpService {
         if parts.headers.len() > self.state().limits().headers {
             return Err(Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request has too many headers"));
         }
-        if has_body(&parts.headers) && !(parts.method == Method::POST && self.takes_body(route)) {
+        if has_body(&parts.headers) && !(parts.method == Method::POST && self.state().takes_body(route)) {
             return Err(Problem::bad_request("requests must not have a body"));
         }
         check_host(connection, parts, self.state().hosts())?;
@@ -274,17 +269,17 @@ fn too_busy() -> Problem {
     Problem::unavailable("too many requests at once: retry in a second")
 }
 
-/// Whether the headers announce a body. Only drawings take one, and an unread body could be mistaken for the next request.
+/// Whether the headers announce a body. Only drawings and analyses take one, and an unread body could be mistaken for the next request.
 fn has_body(headers: &HeaderMap) -> bool {
     let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
-fn preflight(allows_any_origin: bool, is_drawing: bool) -> Response<ResponseBody> {
+fn preflight(allows_any_origin: bool, takes_body: bool) -> Response<ResponseBody> {
     let mut response = Response::new(ResponseBody::Full(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
-    let methods = if is_drawing { DRAWING_METHODS } else { ALLOWED_METHODS };
+    let methods = if takes_body { POST_METHODS } else { ALLOWED_METHODS };
     headers.insert(header::ALLOW, methods.clone());
     if allows_any_origin {
         headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, methods);

@@ -1,7 +1,5 @@
 //! State that all requests share.
 
-#[cfg(feature = "bake")]
-use super::drawings::Drawings;
 use super::{
     access_control::AccessControl,
     catalog::Catalog,
@@ -16,12 +14,16 @@ use super::{
     work_queues::{WorkKind, WorkQueues},
 };
 use crate::{
-    config::{CorsPolicy, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig, SiteConfig},
+    config::{
+        AnalysesConfig, CorsPolicy, DrawingsConfig, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig,
+        SiteConfig,
+    },
     page::{Brand, Languages, SiteTexts, ViewerAssets},
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
 use axum::http::{HeaderMap, HeaderValue, header};
+use insula_protocol::route::RouteTemplate;
 use std::{
     sync::{
         Arc,
@@ -45,9 +47,8 @@ struct SharedState {
     rate_limiter: RateLimiter,
     in_flight: InFlightBudget,
     limits: LimitsConfig,
-    #[cfg(feature = "bake")]
-    drawings: Option<Drawings>,
-    is_drawing: bool,
+    drawings: DrawingsConfig,
+    analyses: AnalysesConfig,
     queues: WorkQueues,
     computed: ComputedCache,
     proxies: Vec<Network>,
@@ -113,10 +114,9 @@ impl AppState {
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
             limits: config.limits.clone(),
-            #[cfg(feature = "bake")]
-            drawings: Drawings::new(&config.drawings),
-            is_drawing: cfg!(feature = "bake") && config.drawings.at_once > 0,
-            queues: WorkQueues::new(&config.drawings),
+            drawings: config.drawings.clone(),
+            analyses: config.analyses.clone(),
+            queues: WorkQueues::new(config),
             computed: ComputedCache::new(computed_bytes),
             proxies: config.access.proxies.clone(),
             logged_requests: config.log.requests,
@@ -223,15 +223,26 @@ impl AppState {
         Self(Arc::new(state.unwrap()))
     }
 
-    /// How drawings are made; `None` if none are made for clients.
+    /// The limits of drawings.
     #[cfg(feature = "bake")]
-    pub(super) fn drawings(&self) -> Option<&Drawings> {
-        self.0.drawings.as_ref()
+    pub(super) fn drawings(&self) -> &DrawingsConfig {
+        &self.0.drawings
     }
 
-    /// Whether drawings are made for clients.
-    pub(super) fn is_drawing(&self) -> bool {
-        self.0.is_drawing
+    /// The limits of analyses.
+    #[cfg(feature = "bake")]
+    pub(super) fn analyses(&self) -> &AnalysesConfig {
+        &self.0.analyses
+    }
+
+    /// Whether requests for such addresses have a body: drawings and analyses, if they are made for clients.
+    pub(super) fn takes_body(&self, route: RouteTemplate) -> bool {
+        let at_once = match route {
+            RouteTemplate::Draw => self.0.drawings.at_once,
+            RouteTemplate::Analyse => self.0.analyses.at_once,
+            _ => 0,
+        };
+        cfg!(feature = "bake") && at_once > 0
     }
 
     /// Whether a request that ends with this status code is logged now.

@@ -4,7 +4,7 @@ use super::{
     client_usage::default_share,
     fair_queue::{FairQueue, QueueLimits},
 };
-use crate::config::DrawingsConfig;
+use crate::config::{AnalysesConfig, DrawingsConfig, ServeConfig};
 use axum::{extract::FromRequestParts, http::request::Parts};
 use insula_protocol::route::RouteTemplate;
 use std::{
@@ -24,11 +24,13 @@ pub(super) enum WorkKind {
     Groups,
     Tileset,
     Draw,
+    Analyse,
     Lists,
 }
 
 impl WorkKind {
-    const ALL: [Self; 6] = [Self::Search, Self::Filter, Self::Groups, Self::Tileset, Self::Draw, Self::Lists];
+    const ALL: [Self; 7] =
+        [Self::Search, Self::Filter, Self::Groups, Self::Tileset, Self::Draw, Self::Analyse, Self::Lists];
 
     /// The work of a route; `None` for those that only send what exists.
     pub(super) const fn of_route(route: RouteTemplate) -> Option<Self> {
@@ -39,6 +41,7 @@ impl WorkKind {
             R::Groups => Some(Self::Groups),
             R::Tileset | R::TilesetFile => Some(Self::Tileset),
             R::Draw => Some(Self::Draw),
+            R::Analyse => Some(Self::Analyse),
             R::Cities | R::Index => Some(Self::Lists),
             R::Subtrees | R::BlockMaps | R::Meshes | R::Objects | R::Visibility => None,
             R::Manifest | R::OpenApi | R::CityPage | R::Thumbnail => None,
@@ -46,7 +49,7 @@ impl WorkKind {
         }
     }
 
-    fn limits(self, drawings: &DrawingsConfig) -> QueueLimits {
+    fn limits(self, config: &ServeConfig) -> QueueLimits {
         let secs = Duration::from_secs;
         // One core is left to others.
         let at_ease = cores().saturating_sub(1).max(1);
@@ -66,7 +69,11 @@ impl WorkKind {
             // Up to a thousand cities, which take tens of milliseconds. The usual page of the list is in memory.
             Self::Lists => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(10) },
             Self::Draw => {
-                let DrawingsConfig { at_once, waiting, secs: max_secs, .. } = *drawings;
+                let DrawingsConfig { at_once, waiting, secs: max_secs, .. } = config.drawings;
+                QueueLimits { at_once, waiting, at_ease, max_time: secs(max_secs) }
+            }
+            Self::Analyse => {
+                let AnalysesConfig { at_once, waiting, secs: max_secs, .. } = config.analyses;
                 QueueLimits { at_once, waiting, at_ease, max_time: secs(max_secs) }
             }
         }
@@ -89,8 +96,8 @@ fn cores() -> usize {
 pub(super) struct WorkQueues([FairQueue; WorkKind::ALL.len()]);
 
 impl WorkQueues {
-    pub(super) fn new(drawings: &DrawingsConfig) -> Self {
-        Self(WorkKind::ALL.map(|kind| FairQueue::new(kind.limits(drawings))))
+    pub(super) fn new(config: &ServeConfig) -> Self {
+        Self(WorkKind::ALL.map(|kind| FairQueue::new(kind.limits(config))))
     }
 
     /// Queues that give up all work, for tests.

@@ -39,6 +39,9 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
     if !languages.is_empty() {
         let _ = write!(out, "<meta name=\"insula-languages\" content=\"{}\">", languages.join(" "));
     }
+    if !links.rules.is_empty() {
+        let _ = write!(out, "<meta name=\"insula-analyses\" content=\"{}\">", links.rules.join(" "));
+    }
     push_previews(&mut out, city, links, brand.title());
     push_assets(&mut out, &links.root, assets);
     let source = escape_html(&links.source);

@@ -59,6 +59,8 @@ pub(crate) struct CityLinks {
     pub(crate) view_address: Option<String>,
     /// Whether search engines may list the page.
     pub(crate) is_public: bool,
+    /// Names of the rules by which the server computes hours of sun for the page; empty if it makes no analyses.
+    pub(crate) rules: Vec<&'static str>,
     /// Content-Security-Policy, if no header can have it.
     pub(crate) meta_policy: Option<String>,
 }

@@ -1,6 +1,6 @@
 //! Vector drawings over HTTP: the bytes of `insula draw`, and the limits of the route.
 
-use crate::test_server::{TestServer, assert_problem, read_to_end};
+use crate::test_server::{JSON, TestServer, assert_problem, post};
 use insula_analysis::eye::lifted_eye_z;
 use insula_draw::{
     DrawLimits, DrawRequest, DrawnPart, draw, draw_part,
@@ -20,7 +20,6 @@ use std::fs;
 use tokio::io::AsyncWriteExt;
 
 const PATH: &str = "/v1/cities/two/draw";
-const JSON: &str = "Content-Type: application/json\r\n";
 
 async fn start(change: impl FnOnce(&mut ServeConfig)) -> TestServer {
     let server = TestServer::start(|config| {
@@ -31,21 +30,6 @@ async fn start(change: impl FnOnce(&mut ServeConfig)) -> TestServer {
     small_city::write_city_with_meshes(&server.folder.path().join("two"), "two");
     server.reload().await;
     server
-}
-
-/// Head and body of the response to options.
-async fn post(server: &TestServer, path: &str, headers: &str, body: &str) -> (String, Vec<u8>) {
-    let mut stream = server.connect().await;
-    let length = body.len();
-    let request = format!(
-        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {length}\r\n{headers}\r\n{body}"
-    );
-    // The server may respond, and close, before it has the whole body.
-    let _ = stream.write_all(request.as_bytes()).await;
-    let mut response = read_to_end(&mut stream).await;
-    let end = response.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
-    let body = response.split_off(end + 4);
-    (String::from_utf8(response).unwrap(), body)
 }
 
 async fn assert_refused(server: &TestServer, headers: &str, body: &str, status: u16, words: &str) {

@@ -8,6 +8,8 @@ mod access;
 #[cfg(feature = "bake")]
 mod addresses;
 #[cfg(feature = "bake")]
+mod analyse;
+#[cfg(feature = "bake")]
 mod bad_inputs;
 #[cfg(feature = "bake")]
 mod bake_safety;

@@ -23,6 +23,8 @@ use tokio::{
 };
 
 pub(crate) const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
+/// Header of requests with a body.
+pub(crate) const JSON: &str = "Content-Type: application/json\r\n";
 /// Longest wait for anything that must happen: it turns a hang into an error.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 /// Pause between two looks at a state.
@@ -171,6 +173,21 @@ pub(crate) async fn read_to_end(stream: &mut (impl AsyncReadExt + Unpin)) -> Vec
     let mut response = Vec::new();
     let _ = timeout(PATIENCE, stream.read_to_end(&mut response)).await.expect("the server does not close");
     response
+}
+
+/// Head and body of the response to options.
+pub(crate) async fn post(server: &TestServer, path: &str, headers: &str, body: &str) -> (String, Vec<u8>) {
+    let mut stream = server.connect().await;
+    let length = body.len();
+    let request = format!(
+        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {length}\r\n{headers}\r\n{body}"
+    );
+    // The server may respond, and close, before it has the whole body.
+    let _ = stream.write_all(request.as_bytes()).await;
+    let mut response = read_to_end(&mut stream).await;
+    let end = response.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
+    let body = response.split_off(end + 4);
+    (String::from_utf8(response).unwrap(), body)
 }
 
 #[track_caller]

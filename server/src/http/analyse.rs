@@ -1,0 +1,70 @@
+//! Analyses of a part of a city (`insula_analysis`), as the body of a request asks for them. Off by default.
+
+use super::{
+    fair_queue::StopFlag,
+    posted::{json_body, requested_city, unreadable, with_source},
+    problem::Problem,
+    state::AppState,
+    work_queues::{RequestClient, WorkKind},
+    work_threads::WorkThreads,
+};
+use crate::{
+    analysis::request::{AnalysisRequest, RequestError},
+    store::CityStore,
+};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderName, HeaderValue, Uri, header},
+    response::Response,
+};
+use insula_export::table::ExportError;
+use std::sync::Arc;
+use tokio::runtime::Handle;
+
+/// `POST /v1/cities/{city}/analyse`. Fails with 400 for options that are invalid and for areas that are too large, 401 without a required
+/// token, 404 for an unknown city, with a share link for a part of the city, and if no analyses are made; 408, 413 and 415 for a body that is
+/// slow, too large or not JSON; 500 if the city is damaged, 503 if too many requests wait or there is no time.
+pub(super) async fn analyse(
+    State(state): State<AppState>,
+    RequestClient(client): RequestClient,
+    uri: Uri,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    let city = requested_city(&state, &uri, &headers)?;
+    let body = json_body(&headers, body).await?;
+    let asked = AnalysisRequest::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
+    let (read, runtime) = (Arc::clone(&city), Handle::current());
+    let limits = state.analyses();
+    let (max_cells, threads) = (limits.cells, WorkThreads::new(limits.at_once, "analyse"));
+    let work = move |stop: &StopFlag| {
+        threads.install(|| {
+            let goes_on = |_: f64| !stop.is_stopped();
+            with_source(&read, (&runtime, stop), |source| asked.answer(source, max_cells, &goes_on))
+                .map_err(|error| RequestError::Source(ExportError::Source(error)))?
+        })
+    };
+    let made = state.work(WorkKind::Analyse).run(client, work).await.map_err(|_| no_time())?;
+    let answer = made.map_err(|error| problem(&state, &city, &error))?;
+    let mut response = Response::new(Body::from(answer));
+    let all: [(HeaderName, &'static str); 3] = [
+        (header::CONTENT_TYPE, "application/json"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    response.headers_mut().extend(all.map(|(name, value)| (name, HeaderValue::from_static(value))));
+    Ok(response)
+}
+
+fn no_time() -> Problem {
+    Problem::unavailable("too many analyses at once, or too much to compute: retry later, or choose a smaller area")
+}
+
+fn problem(state: &AppState, city: &CityStore, error: &RequestError) -> Problem {
+    match error {
+        RequestError::Invalid(_) | RequestError::TooLarge => Problem::explained(&error.to_string()),
+        RequestError::Stopped => no_time(),
+        RequestError::Source(reason) => unreadable(state, city, reason),
+    }
+}
