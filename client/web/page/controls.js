@@ -10,6 +10,7 @@ import { syncHash } from './hash-sync.js';
 import { adapterNotice, statusNotice } from './notices.js';
 import { hasSingleKeys, listenForPageKeys } from './page-keys.js';
 import { PageContext } from './page-context.js';
+import { analysePanel, offeredRules } from './panel-analyse.js';
 import { bookmarksPanel } from './panel-bookmarks.js';
 import { colorsPanel, legendBox } from './panel-colors.js';
 import { measurePanel } from './panel-measure.js';
@@ -36,7 +37,7 @@ export function startControls(app, city, manifest) {
   const fixed = furniture(page);
   const about = aboutDialog(page, app.querySelector('#insula-about'));
   const help = helpDialog({ singleKeys: hasSingleKeys(), change: (singleKeys) => keys.set(singleKeys) });
-  const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'bookmarks', 'share', 'picture'];
+  const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'analyse', 'bookmarks', 'share', 'picture'];
   const { node, buttons, closeMore } = toolbar({
     ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
     more: () => panels.close(false),
@@ -44,6 +45,7 @@ export function startControls(app, city, manifest) {
     about: () => about.showModal(),
   });
 
+  const rules = offeredRules();
   const [measure, bookmarks, share] = [measurePanel(page), bookmarksPanel(page), sharePanel(page)];
   const all = {
     search: searchPanel(page),
@@ -52,10 +54,12 @@ export function startControls(app, city, manifest) {
     colors: colorsPanel(page),
     time: timePanel(page),
     measure,
+    ...(rules.length > 0 && { analyse: analysePanel(page, rules) }),
     bookmarks,
     share,
     picture: picturePanel(page),
   };
+  buttons.analyse.hidden = rules.length === 0;
   Object.entries(all).forEach(([name, panel]) => panels.add(name, buttons[name], panel));
   const toggled = Object.fromEntries(['search', 'colors', 'time', 'bookmarks', 'picture'].map((n) => [n, () => panels.toggle(n)]));
   const keys = listenForPageKeys(city, {

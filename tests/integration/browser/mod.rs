@@ -6,6 +6,7 @@
 //! others is slow.
 
 mod accessibility;
+mod analysis;
 mod component;
 mod controls;
 mod driver;
@@ -45,7 +46,7 @@ const DRIVER: [(&str, Run); 3] = [
 ];
 
 /// A test of each part of the page.
-const QUICK: [(&str, Run); 15] = [
+const QUICK: [(&str, Run); 16] = [
     ("the_page_shows_the_city_on_a_phone", viewer::phones_show_the_city),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
     ("keys_and_mouse_move_the_camera", viewer::keys_and_mouse_move_the_camera),
@@ -55,6 +56,7 @@ const QUICK: [(&str, Run); 15] = [
     ("webgpu_draws_the_native_picture", pictures::webgpu_draws_the_native_picture),
     ("clicks_show_attributes", objects::clicks_show_attributes),
     ("the_search_finds_objects", objects::the_search_finds_objects),
+    ("the_server_analyses_what_is_in_view", analysis::the_server_analyses_what_is_in_view),
     ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
     ("panels_cover_nothing_on_a_phone", controls::panels_cover_nothing_on_a_phone),
@@ -71,6 +73,7 @@ const FULL: [(&str, Run); 26] = [
     ("panels_cover_nothing_on_smaller_screens", controls::panels_cover_nothing_on_smaller_screens),
     ("panels_cover_nothing_on_larger_screens", controls::panels_cover_nothing_on_larger_screens),
     ("chosen_days_are_those_they_name", controls::chosen_days_are_those_they_name),
+    ("a_server_without_analyses_offers_none", analysis::a_server_without_analyses_offers_none),
     ("a_server_that_starts_late_is_found", component::a_server_that_starts_late_is_found),
     ("touch_moves_the_camera", viewer::touch_moves_the_camera),
     ("a_click_picks_a_point_of_the_city", viewer::a_click_picks_a_point),

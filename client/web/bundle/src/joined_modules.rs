@@ -12,6 +12,8 @@ use std::fmt::Write;
 const ENTRIES: [(&str, &str); 9] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
+    // The page imports it once it is needed.
+    ("draped-figures.js", "draped-figures.js"),
     ("engine.js", "engine.js"),
     ("helper.js", "helper.js"),
     ("caster.js", "insula-caster.js"),

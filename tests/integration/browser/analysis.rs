@@ -1,0 +1,82 @@
+//! The panel of analyses: what the server computes lies on the city, with its legend and numbers, until the panel is closed.
+
+use super::{
+    browser,
+    viewer::{REACTION, ensure_no_problems, keep},
+};
+use anyhow::{Result, ensure};
+use insula_bake::BakeOptions;
+use insula_tests::{
+    browser::{PageOptions, city_page::CityPage},
+    fixtures,
+    programs::{ServerProcess, program},
+};
+use std::process::Command;
+
+/// The panel leaves the middle free.
+const OPTIONS: PageOptions = PageOptions { size: [1024, 600], dark: false, touch: false };
+const MIDDLE: [f64; 2] = [512.0, 300.0];
+const HOUSES_PER_SIDE: usize = 4;
+const PANEL: &str = "document.querySelector('.panel:not([hidden])')";
+/// Whether something lies on the city.
+const IS_DRAWN: &str = "(canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0))\
+    (document.querySelector('insula-city').shadowRoot.querySelector('canvas.draped'))";
+
+/// A page of a town whose server makes so many analyses at once.
+fn open(at_once: &str) -> Result<(ServerProcess, CityPage)> {
+    let folder = tempfile::tempdir()?;
+    let input = fixtures::write_city_json(folder.path(), HOUSES_PER_SIDE)?;
+    let city = fixtures::baked("analysed-town", &BakeOptions { inputs: vec![input], ..BakeOptions::default() })?;
+    let mut command = Command::new(program("insula-server")?);
+    let setting = format!("analyses.at_once={at_once}");
+    let server = ServerProcess::start(&mut command, &city, "127.0.0.1:0", &[&setting])?;
+    let page = CityPage::open(browser(false)?.as_ref(), OPTIONS, &format!("http://{}/", server.address))?;
+    page.wait_until_final(0)?;
+    page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
+    Ok((server, page))
+}
+
+pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
+    let (_server, page) = open("1")?;
+    let is_drawer = |url: &str| url.ends_with("/draped-figures.js");
+    let fetched = page.page.requests()?.iter().any(|request| is_drawer(&request.url));
+    ensure!(!fetched, "what draws on the city is fetched before it is needed");
+    page.page.evaluate("document.querySelector('.tool:has(.icon-analyse)').click()")?;
+    page.page
+        .wait_for(&format!("({PANEL}?.querySelector('select option[value=en-17037]') ?? null) !== null"), REACTION)?;
+    page.page.evaluate(&format!(
+        "(list => {{ list.value = 'en-17037'; list.dispatchEvent(new Event('change')); }})({PANEL}.querySelector('select'))"
+    ))?;
+    page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
+    page.page.wait_for(&format!("{PANEL}.querySelectorAll('.classes li').length >= 3"), REACTION)?;
+    page.page.ended_request(|request| is_drawer(&request.url))?;
+    let text = page.page.evaluate(&format!("{PANEL}.querySelector('.analysis').innerText"))?;
+    let text = text.as_str().unwrap_or_default();
+    // A border of the classes is what the rule asks for.
+    for words in ["0 to 1.5", "The rule asks for 1.5", "Ground: ", "Roofs: ", "Walls: ", "% reach it"] {
+        ensure!(text.contains(words), "{words:?} is not in {text}");
+    }
+    page.page.wait_for(IS_DRAWN, REACTION)?;
+    keep(&page, "analysis")?;
+    page.page.click(MIDDLE, 1)?;
+    let state = format!("{PANEL}.querySelector('.panel-body > .hint').textContent");
+    page.page.wait_for(&format!("{state}.startsWith('Here: ')"), REACTION)?;
+    let selected = page.page.evaluate(&format!("{}.selection.length", CityPage::element(0)))?;
+    ensure!(selected == 0, "a click on the colours selects {selected} objects");
+    // What is wrong is said in words.
+    page.page.evaluate(
+        "globalThis.fetch = () => Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 })); 0",
+    )?;
+    page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
+    page.page.wait_for(&format!("{state} === 'The analysis failed: no time' && !({IS_DRAWN})"), REACTION)?;
+    page.page.press("Escape")?;
+    page.page.wait_for(&format!("{PANEL} === null"), REACTION)?;
+    ensure_no_problems(&page)
+}
+
+pub(super) fn a_server_without_analyses_offers_none() -> Result<()> {
+    let (_server, page) = open("0")?;
+    let is_offered = page.page.evaluate("document.querySelector('.tool:has(.icon-analyse)').checkVisibility()")?;
+    ensure!(is_offered == false, "the page offers what the server does not compute");
+    ensure_no_problems(&page)
+}
