@@ -65,7 +65,7 @@ const QUICK: [(&str, Run); 16] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 26] = [
+const FULL: [(&str, Run); 27] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
