@@ -1,8 +1,9 @@
 //! A texture as a WebP file.
 //!
 //! Lossy files are searched for the coarsest quantiser that reaches the quality asked for. The quality is the peak
-//! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without
-//! loss.
+//! signal-to-noise ratio (PSNR) over the texels that triangles show, and that plain surfaces keep their tint: a roof or
+//! the ground goes on in the texture of the next node, and the eye sees a border between two tints where the ratio sees
+//! nothing. Textures with few colours are also tried without loss.
 
 use std::collections::HashSet;
 
@@ -28,6 +29,14 @@ const COARSEST_QUANTISER: i32 = 48;
 const FIRST_QUANTISER: i32 = 42;
 /// Loss that the search expects from the next coarser quantiser.
 const DB_PER_QUANTISER: f64 = 0.1;
+/// Side of the squares of a texture whose tint is compared, in texels.
+const SQUARE: usize = 8;
+/// A square is plain if no two of its texels differ by more than this in a channel.
+const PLAIN_RANGE: u8 = 6;
+/// A texture is looked at for its tint if this share of its squares is plain: those of photographs are not.
+const PLAIN_SHARE: f64 = 0.25;
+/// Largest error of the tint of plain squares, as root of the mean square of red and blue less green: 1 of 255.
+const MAX_TINT: f64 = 1.0;
 /// Textures with at most this many colours may be smaller without loss.
 const FEW_COLOURS: usize = 256;
 
@@ -45,7 +54,8 @@ pub(super) struct MaskedTexture<'a> {
 #[derive(Debug, Clone, Copy)]
 struct EncodingTrial {
     quantiser: i32,
-    psnr_db: f64,
+    /// PSNR, or less where tints are lost.
+    score_db: f64,
 }
 
 impl MaskedTexture<'_> {
@@ -82,12 +92,12 @@ impl MaskedTexture<'_> {
         let mut quantiser = FIRST_QUANTISER;
         for _ in 0..MAX_TRIALS {
             let file = self.encode_with(|config| config.quality = quality_of_quantiser(quantiser))?;
-            let trial = EncodingTrial { quantiser, psnr_db: self.psnr_db(&file)? };
-            let is_good = trial.psnr_db >= min_db;
+            let trial = EncodingTrial { quantiser, score_db: self.score_db(&file, min_db)? };
+            let is_good = trial.score_db >= min_db;
             if is_good && best.as_ref().is_none_or(|best| file.len() < best.len()) {
                 best = Some(file);
             }
-            let is_close = trial.psnr_db <= min_db + SLACK_DB;
+            let is_close = trial.score_db <= min_db + SLACK_DB;
             if is_good && (is_close || quantiser == COARSEST_QUANTISER) || !is_good && quantiser == 0 {
                 break;
             }
@@ -113,9 +123,44 @@ impl MaskedTexture<'_> {
         Some(Encoder::from_rgb(self.rgb, width, height).encode_advanced(&config).ok()?.to_vec())
     }
 
-    /// PSNR of the shown texels, decoded as the client will decode them.
-    fn psnr_db(&self, file: &[u8]) -> Option<f64> {
+    /// PSNR of a file, or what is left of `min_db` where plain surfaces have another tint.
+    fn score_db(&self, file: &[u8], min_db: f64) -> Option<f64> {
         let decoded = decode_webp(file, self.size).ok()?;
+        let tint = self.tint_error(&decoded);
+        let kept_db = if tint > MAX_TINT { min_db - 20.0 * libm::log10(tint / MAX_TINT) } else { f64::INFINITY };
+        Some(self.psnr_db(&decoded).min(kept_db))
+    }
+
+    /// How much the tint of plain squares differs from that of the decoded texture, in steps of a channel; 0 if few squares are plain.
+    fn tint_error(&self, decoded: &[u8]) -> f64 {
+        let [width, height] = self.size.map(|texels| texels as usize);
+        let (mut sum, mut plain, mut shown) = (0.0, 0u32, 0u32);
+        for (x, y) in (0..height / SQUARE).flat_map(|y| (0..width / SQUARE).map(move |x| (x * SQUARE, y * SQUARE))) {
+            let texels = || (0..SQUARE * SQUARE).map(|i| (y + i / SQUARE) * width + x + i % SQUARE);
+            if !texels().all(|texel| self.is_shown[texel]) {
+                continue;
+            }
+            shown += 1;
+            let (mut low, mut high, mut differences) = ([u8::MAX; 3], [0; 3], [0i32; 3]);
+            for texel in texels() {
+                for k in 0..3 {
+                    let value = self.rgb[3 * texel + k];
+                    (low[k], high[k]) = (low[k].min(value), high[k].max(value));
+                    differences[k] += i32::from(decoded[3 * texel + k]) - i32::from(value);
+                }
+            }
+            if (0..3).all(|k| high[k] - low[k] <= PLAIN_RANGE) {
+                plain += 1;
+                let [r, g, b] = differences.map(|difference| f64::from(difference) / (SQUARE * SQUARE) as f64);
+                sum += 0.5 * ((r - g) * (r - g) + (b - g) * (b - g));
+            }
+        }
+        let is_plain = plain > 0 && f64::from(plain) >= PLAIN_SHARE * f64::from(shown);
+        if is_plain { libm::sqrt(sum / f64::from(plain)) } else { 0.0 }
+    }
+
+    /// PSNR of the shown texels, decoded as the client will decode them.
+    fn psnr_db(&self, decoded: &[u8]) -> f64 {
         let (mut squares, mut count) = (0u64, 0u64);
         let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
         for (([r, g, b], [x, y, z]), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
@@ -123,7 +168,7 @@ impl MaskedTexture<'_> {
             squares += r * r + g * g + b * b;
             count += 3;
         }
-        Some(10.0 * libm::log10(255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9)))
+        10.0 * libm::log10(255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9))
     }
 }
 
@@ -133,13 +178,13 @@ fn interpolate_quantiser(good: EncodingTrial, bad: EncodingTrial, aim_db: f64) -
     if low + 1 >= high {
         return None;
     }
-    let share = (good.psnr_db - aim_db) / (good.psnr_db - bad.psnr_db);
+    let share = (good.score_db - aim_db) / (good.score_db - bad.score_db);
     Some((low + (f64::from(high - low) * share).round() as i32).clamp(low + 1, high - 1))
 }
 
 /// The quantiser to try as long as all trials were on one side of the quality.
 fn extrapolate_quantiser(trial: EncodingTrial, is_good: bool, aim_db: f64) -> i32 {
-    let by = ((trial.psnr_db - aim_db) / DB_PER_QUANTISER).round() as i32;
+    let by = ((trial.score_db - aim_db) / DB_PER_QUANTISER).round() as i32;
     (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, COARSEST_QUANTISER)
 }
 
@@ -174,16 +219,36 @@ mod tests {
         let mut last = usize::MAX;
         for db in [42.0, 36.0, 33.0] {
             let file = texture.encode(Quality::Decibels(db)).unwrap();
-            let reached = texture.psnr_db(&file).unwrap();
+            let reached = texture.psnr_db(&decode_webp(&file, size).unwrap());
             assert!((0.0..2.0).contains(&(reached - (f64::from(db) - TEXTURE_ALLOWANCE_DB))), "{db}: {reached}");
             assert!(file.len() < last);
             last = file.len();
         }
         let whole = texture.encode(Quality::Lossless).unwrap();
-        assert!(texture.psnr_db(&whole).unwrap() > 100.0 && whole.len() > last);
+        assert!(texture.psnr_db(&decode_webp(&whole, size).unwrap()) > 100.0 && whole.len() > last);
         let plain = vec![77; 3 * 150 * 90];
         let flat = MaskedTexture { size, rgb: &plain, is_shown: &shown }.encode(Quality::Decibels(36.0)).unwrap();
         assert!(flat.len() < 100, "{}", flat.len());
+    }
+
+    #[test]
+    fn plain_surfaces_keep_their_tint() {
+        // A roof and a wall with windows, in a light that changes slowly: too many colours to be smaller without loss.
+        let (width, height) = (256, 192);
+        for warm in 0..6 {
+            let texel = |i: u32| {
+                let (x, y) = (i % width, i / width);
+                let light = 226.0 + 4.0 * (x as f32 / 90.0).sin() + 4.0 * (y as f32 / 70.0).cos();
+                let is_window = y > 128 && x % 12 < 5 && y % 16 < 9;
+                let [r, g, b] = [light + warm as f32, light, light - 1.5 * warm as f32];
+                if is_window { [70, 76, 90] } else { [r as u8, g as u8, b as u8] }
+            };
+            let rgb: Vec<u8> = (0..width * height).flat_map(texel).collect();
+            let texture = MaskedTexture { size: [width, height], rgb: &rgb, is_shown: &vec![true; rgb.len() / 3] };
+            let file = texture.encode(Quality::Decibels(36.0)).unwrap();
+            let tint = texture.tint_error(&decode_webp(&file, [width, height]).unwrap());
+            assert!(tint <= MAX_TINT, "{warm}: {tint}");
+        }
     }
 
     #[test]
