@@ -35,6 +35,7 @@ fn hit_solid(cell: vec2<i32>) {
         wall = adjacent.wall;
     }
     var normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, span.face == BOTTOM_FACE));
+    var below_top = 0.0;
     if wall != NO_WALL {
         normal = wall_normal(face, wall);
     } else if outer {
@@ -43,6 +44,9 @@ fn hit_solid(cell: vec2<i32>) {
         normal = select(normal, octahedral(found.attributes), span.face != BOTTOM_FACE && !thin);
         if !roof && dot(normal, segment.dir) >= 0.0 {
             normal = face;
+        } else if !roof && side {
+            // It shows its top, and has the light of that: between blocks, where one is a little higher, the sun would not reach it.
+            below_top = max(found.top - z_at(span.s), 0.0);
         }
     }
     let codes = codes_per_row(node_ray.z_shift);
@@ -55,7 +59,7 @@ fn hit_solid(cell: vec2<i32>) {
     for (var n = 0; n < MAX_STRIP_ROWS; n++) {
         let texel = read_word(select(texel_at, u32(first + row), has_rows));
         if !has_rows || !is_open(texel) {
-            hit_texel(s, texel, normal, flags, object);
+            hit_texel(s, texel, normal, below_top, flags, object);
             return;
         }
         s = (f32(row + select(0, 1, up)) * codes - node_ray.o.z) / node_ray.d.z;
@@ -115,8 +119,8 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
     return vec3<f32>(0.0, 1.0 - 2.0 * ahead.y, 0.0);
 }
 
-// Ends the segment at a texel. It is lit only once, when the ray has ended.
-fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32, object: u32) {
+// Ends the segment at a texel with a normal, so many codes below the place whose sun it has. It is lit only once, when the ray has ended.
+fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, below: f32, flags: u32, object: u32) {
     ray_hit.is_hit = true;
     if segment.to_sun {
         return;
@@ -132,5 +136,6 @@ fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32, object: u32) {
     }
     ray_hit.distance_m = t;
     ray_hit.node = node_ray.index;
-    ray_hit.shadow_origin = segment.dir * t + normal * (node_ray.cell_m * SUN_LIFT_CELLS);
+    let lift = vec3<f32>(0.0, 0.0, below * segment.dir.z / node_ray.d.z);
+    ray_hit.shadow_origin = segment.dir * t + normal * (node_ray.cell_m * SUN_LIFT_CELLS) + lift;
 }

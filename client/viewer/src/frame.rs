@@ -347,7 +347,7 @@ const FOG_DEPTH: f64 = 5.0;
 /// hide the city.
 const FOG_REACH: f64 = 1.7;
 /// Land around the city fades within this share of it.
-const LAND_DEPTH: f64 = 0.42;
+const LAND_DEPTH: f64 = 0.2;
 /// Least half diagonal in metres: fog around a single house would hide its street.
 const LEAST_CITY_M: f64 = 700.0;
 

@@ -11,7 +11,7 @@ pub(crate) const BARE_TOLERANCE: f32 = 0.05;
 /// Steeper surfaces within the map are no bare ground. Beyond, they are the ends of generated ground.
 pub(crate) const BARE_NORMAL_Z: f32 = 0.7;
 /// The sea fades into the fog later than land does, by this factor: nobody expects something else behind it.
-pub(crate) const SEA_FADE: f32 = 0.6;
+pub(crate) const SEA_FADE: f32 = 0.286;
 /// Nobody knows how coasts go on beyond the map. At its end they are sharp, and blurred from this share of its half width outwards.
 pub(crate) const COAST_BLURS: f32 = 0.25;
 

@@ -38,7 +38,7 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
     let roof_normal = if thin { Vec3::Z } else { Vec3::from(octahedral::decode(column.attributes as u16)) };
     let flat_normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { Vec3::Z };
     let (mut texel, mut normal) = (0, flat_normal);
-    let mut has_rows = false;
+    let (mut has_rows, mut below_top) = (false, 0.0);
     if found.solid == ColumnSolid::Outer {
         texel = ray.read_word(column.strip + 1);
         if side {
@@ -59,6 +59,9 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
         normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { roof_normal };
         if normal.dot(ray.segment.dir) >= 0.0 {
             normal = face_normal(&ray.node, cell);
+        } else if side {
+            // It shows its top, and has the light of that: between blocks, where one is a little higher, the sun would not reach it.
+            below_top = (found.top - ray.node.z_at(span.s)).max(0.0);
         }
     }
     let codes = codes_per_row(ray.node.z_shift);
@@ -72,7 +75,7 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
             texel = ray.read_word((first + row) as usize);
         }
         if !has_rows || !is_open(texel) {
-            return hit_texel(ray, s, texel, normal, flags, object);
+            return hit_texel(ray, s, texel, (normal, below_top), flags, object);
         }
         s = ((row + i32::from(up)) as f32 * codes - ray.node.o.z) / ray.node.d.z;
         normal = if up { Vec3::NEG_Z } else { Vec3::Z };
@@ -120,9 +123,9 @@ fn face_normal(node: &NodeRay, cell: IVec2) -> Vec3 {
     if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
 }
 
-/// Ends the segment at a texel. It is lit only once, when the ray has ended.
+/// Ends the segment at a texel with a normal, so many codes below the place whose sun it has. It is lit only once, when the ray has ended.
 #[inline]
-fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, object: u32) {
+fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, (normal, below): (Vec3, f32), flags: u8, object: u32) {
     ray.hit.is_hit = true;
     if ray.segment.to_sun {
         return;
@@ -137,7 +140,9 @@ fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, obj
         distance_m: t,
         node: ray.node.index,
         object,
-        shadow_origin: ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS),
+        shadow_origin: ray.segment.dir * t
+            + normal * (ray.node.cell_m * SUN_LIFT_CELLS)
+            + Vec3::Z * (below * ray.segment.dir.z / ray.node.d.z),
         stone: 0,
         stone_point: Vec3::ZERO,
     };
