@@ -9,7 +9,7 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 9] = [
+const ENTRIES: [(&str, &str); 10] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
     // The page imports it once it is needed.
