@@ -17,12 +17,17 @@ const MAX_BYTES: u64 = 64 << 20;
 /// The camera of an option: the text of a camera as view links have it, or a camera file. Fails if a file cannot be read or holds no valid
 /// camera.
 pub fn read_camera(text_or_file: &Path) -> Result<Camera> {
+    Ok(read_camera_file(text_or_file)?.1)
+}
+
+/// The same with what a file says, digit by digit.
+pub fn read_camera_file(text_or_file: &Path) -> Result<(CameraFile, Camera)> {
     let text = text_or_file.to_string_lossy();
     // A copied link or address has the text in it.
     let (_, of_link) = text.split_once("camera=").unwrap_or(("", &text));
     let camera = of_link.split(['&', '#']).next().unwrap_or_default().replace("%2C", ",");
     match camera_text::parse(&camera) {
-        Some(camera) => Ok(camera),
+        Some(camera) => Ok((CameraFile::from_camera(&camera), camera)),
         None if camera.contains(',') && !text_or_file.exists() => Err(ClientError::Usage(format!(
             "--camera {camera}: write X,Y,Z,AZIMUTH,PITCH,FOV in metres and degrees, with a field of view of 1 to 170, or name a camera file"
         ))),

@@ -8,13 +8,13 @@ use super::{
 };
 use crate::{
     args::{DrawArgs, GlobalArgs},
-    camera_files::read_camera,
+    camera_files::read_camera_file,
     error::{ClientError, Result},
     language,
     objects::warn_of_range,
     stream::fetch::Http,
 };
-use insula_analysis::eye::lifted_eye_z;
+use insula_analysis::eye::lifted_camera;
 use insula_archive::file;
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
 use insula_command_line::{
@@ -31,6 +31,7 @@ use insula_draw::{
     view::DrawView,
 };
 use insula_export::{
+    camera::ExportCamera,
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
@@ -199,15 +200,16 @@ fn view(args: &DrawArgs, source: &dyn ExportSource) -> Result<DrawView> {
         return Ok(DrawView::Axonometric { azimuth_deg, elevation_deg });
     }
     let Some(given) = &args.view else { return Ok(DrawView::Plan) };
-    let mut camera = read_camera(given)?;
-    if let Some(z) = lifted_eye_z(source, camera.position.to_array()).map_err(|error| unreadable(&error))? {
-        eprintln!("note: {}", inside_note(args.keep_camera, z - camera.position.z));
+    // The numbers of the file as they are: a server draws the same of them.
+    let (CameraFile { position, target, up, fov_y_deg }, _) = read_camera_file(given)?;
+    let mut camera = ExportCamera { position, target, up, fov_y_deg };
+    if let Some(lifted) = lifted_camera(source, camera).map_err(|error| unreadable(&error))? {
+        eprintln!("note: {}", inside_note(args.keep_camera, lifted.position[2] - camera.position[2]));
         if !args.keep_camera {
-            camera.position.z = z;
+            camera = lifted;
         }
     }
-    let CameraFile { position, target, up, fov_y_deg } = CameraFile::from_camera(&camera);
-    Ok(DrawView::Perspective { position, target, up, fov_y_deg })
+    Ok(camera.into())
 }
 
 fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {

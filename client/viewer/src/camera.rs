@@ -184,14 +184,14 @@ impl CameraFile {
         }
     }
 
-    /// Parses and checks a camera file. Fails with a description of what is wrong.
-    pub fn parse(json: &str) -> Result<Camera, String> {
+    /// Parses and checks a camera file, and returns it with its camera. Fails with a description of what is wrong.
+    pub fn parse(json: &str) -> Result<(Self, Camera), String> {
         let file: Self =
             serde_json::from_str(json).map_err(|e| format!("not a camera ({e}): write {CAMERA_FORMAT}"))?;
-        let camera = file.camera();
-        camera.ok_or_else(|| {
+        let camera = file.camera().ok_or_else(|| {
             format!("position and target must differ, and fov_y_deg must be 1 to 170: write {CAMERA_FORMAT}")
-        })
+        })?;
+        Ok((file, camera))
     }
 }
 

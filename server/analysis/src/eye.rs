@@ -1,17 +1,22 @@
 //! Eyes that are inside of a building or below the ground.
 
 use glam::DVec2;
-use insula_export::source::{ExportSource, SourceError};
+use insula_export::{
+    camera::ExportCamera,
+    source::{ExportSource, SourceError},
+};
 use insula_protocol::TileId;
 use insula_viewer::{
     collision,
     solids::{ColumnSolids, MeshSolids, SolidInterval},
 };
 
-/// Height of an eye in world metres that is lifted out of what it is inside of, or below; `None` if it is outside. Fails if tiles cannot
-/// be read.
-pub fn lifted_eye_z(source: &dyn ExportSource, eye: [f64; 3]) -> Result<Option<f64>, SourceError> {
-    Ok(collision::lifted_eye_z(source.manifest(), solids_at(source, eye)?, eye[2]))
+/// A camera that is lifted out of what its eye is inside of, or below, and looks in the same direction; `None` if it is outside. Fails if
+/// tiles cannot be read.
+pub fn lifted_camera(source: &dyn ExportSource, camera: ExportCamera) -> Result<Option<ExportCamera>, SourceError> {
+    let eye = camera.position;
+    let z = collision::lifted_eye_z(source.manifest(), solids_at(source, eye)?, eye[2]);
+    Ok(z.map(|z| camera.raised(z - eye[2])))
 }
 
 /// The solids of the finest tile at the place of an eye, as world heights.

@@ -35,6 +35,9 @@ pub struct DrawingOptions {
     /// A perspective view. At most one of `view`, `plan` and `axonometric`; a plan if there is none.
     #[serde(default)]
     view: Option<ExportCamera>,
+    /// Whether an eye inside of a building or below the ground stays there, instead of being lifted out.
+    #[serde(default)]
+    pub keep_camera: bool,
     #[serde(default)]
     plan: bool,
     /// Azimuth and elevation in degrees.
@@ -148,12 +151,12 @@ impl DrawingOptions {
                 }
                 Ok(DrawView::Axonometric { azimuth_deg, elevation_deg })
             }
-            (Some(ExportCamera { position, target, up, fov_y_deg }), false, None) => {
-                let points = position.iter().chain(&target).chain(&up);
+            (Some(camera), false, None) => {
+                let points = camera.position.iter().chain(&camera.target).chain(&camera.up);
                 if points.into_iter().any(|v| v.abs() > MAX_M) {
                     return invalid("view: a coordinate is out of range");
                 }
-                Ok(DrawView::Perspective { position, target, up, fov_y_deg })
+                Ok(camera.into())
             }
             _ => invalid("at most one of view, plan and axonometric"),
         }

@@ -29,6 +29,12 @@ pub enum DrawView {
     Perspective { position: [f64; 3], target: [f64; 3], up: [f64; 3], fov_y_deg: f64 },
 }
 
+impl From<ExportCamera> for DrawView {
+    fn from(ExportCamera { position, target, up, fov_y_deg }: ExportCamera) -> Self {
+        Self::Perspective { position, target, up, fov_y_deg }
+    }
+}
+
 /// A rectangle of the paper in millimetres from its lower left corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperRect {

@@ -6,7 +6,7 @@ use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
-use insula_analysis::eye::lifted_eye_z;
+use insula_analysis::eye::lifted_camera;
 use insula_archive::{
     file::{read_limited, read_text},
     new_file::replace,
@@ -244,12 +244,12 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?
         }
     };
-    let lifted = lifted_eye_z(source, camera.position)
+    let lifted = lifted_camera(source, camera)
         .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
-    if let Some(z) = lifted {
-        eprintln!("note: {}", inside_note(args.keep_camera, z - camera.position[2]));
+    if let Some(lifted) = lifted {
+        eprintln!("note: {}", inside_note(args.keep_camera, lifted.position[2] - camera.position[2]));
         if !args.keep_camera {
-            camera = camera.raised(z - camera.position[2]);
+            camera = lifted;
         }
     }
     let view = ExportView::new(camera, args.size, args.tau);

@@ -18,14 +18,19 @@ use axum::{
     http::{HeaderMap, HeaderName, HeaderValue, Uri, header},
     response::Response,
 };
+use insula_analysis::eye::lifted_camera;
 use insula_bake::read::EarthPlace;
 use insula_draw::{
     DrawError, DrawLimits, DrawnPart, draw_part,
     error::DrawStep,
     file::{DrawingFormat, encode},
     options::DrawingOptions,
+    view::DrawView,
 };
-use insula_export::source::ExportSource;
+use insula_export::{
+    camera::ExportCamera,
+    source::{ExportSource, SourceError},
+};
 use std::sync::Arc;
 use tokio::runtime::Handle;
 
@@ -95,6 +100,9 @@ fn make_now(
 ) -> Result<Vec<u8>, DrawError> {
     let on_map = |degrees| EarthPlace::of(city.manifest().crs.as_deref()?)?.box_on_map(degrees);
     let mut request = options.request(source, limits)?;
+    if !options.keep_camera {
+        request.view = lifted(source, request.view).map_err(DrawError::Source)?;
+    }
     let progress = |_: DrawStep, _: f64| !stop.is_stopped();
     let key = ComputedKey::Part(city.serial(), options.part_name().into());
     let kept = runtime.block_on(state.computed().part(&key));
@@ -114,6 +122,13 @@ fn make_now(
         return Err(DrawError::TooManyParts { limit: limits.parts });
     }
     Ok(bytes)
+}
+
+/// The view, whose eye is lifted out of buildings and the ground. Fails if tiles cannot be read.
+fn lifted(source: &dyn ExportSource, view: DrawView) -> Result<DrawView, SourceError> {
+    let DrawView::Perspective { position, target, up, fov_y_deg } = view else { return Ok(view) };
+    let camera = ExportCamera { position, target, up, fov_y_deg };
+    Ok(lifted_camera(source, camera)?.map_or(view, DrawView::from))
 }
 
 /// Logs failures of the city's files.

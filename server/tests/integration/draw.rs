@@ -1,7 +1,7 @@
 //! Vector drawings over HTTP: the bytes of `insula draw`, and the limits of the route.
 
 use crate::test_server::{JSON, TestServer, assert_problem, post};
-use insula_analysis::eye::lifted_eye_z;
+use insula_analysis::eye::lifted_camera;
 use insula_draw::{
     DrawLimits, DrawRequest, DrawnPart, draw, draw_part,
     file::{DrawingFormat, encode},
@@ -9,7 +9,7 @@ use insula_draw::{
     style::Stylesheet,
     view::DrawView,
 };
-use insula_export::selection::ObjectSelection;
+use insula_export::{camera::ExportCamera, selection::ObjectSelection};
 use insula_objects::Schema;
 use insula_server::{
     config::ServeConfig,
@@ -132,7 +132,12 @@ fn eyes_in_houses_and_below_the_ground_are_lifted_out() {
     let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), &schema, &read);
-    let lifted = |eye| lifted_eye_z(&source, eye).unwrap();
+    let lifted = |eye: [f64; 3]| {
+        let camera = camera_at(eye);
+        let lifted = lifted_camera(&source, camera).unwrap()?;
+        assert_eq!(lifted, camera.raised(lifted.position[2] - eye[2]), "{eye:?}: in the same direction");
+        Some(lifted.position[2])
+    };
     // The house of the mesh is 6 m high, and its node's corner lies at 85064, 446064.
     for (eye, expected) in [
         ([85_069.0, 446_070.0, 3.0], Some(7.7)),
@@ -149,6 +154,46 @@ fn eyes_in_houses_and_below_the_ground_are_lifted_out() {
         };
         assert!(is_same, "{eye:?}: {:?}", lifted(eye));
     }
+}
+
+/// A camera that looks down to the north-west, with a direction of no round numbers.
+fn camera_at(position: [f64; 3]) -> ExportCamera {
+    let [x, y, z] = position;
+    ExportCamera { position, target: [x - 7.3, y + 31.1, z - 20.3], up: [0.0, 0.0, 1.0], fov_y_deg: 57.3 }
+}
+
+#[tokio::test]
+async fn cameras_are_drawn_as_given_and_lifted_out_of_houses() {
+    let server = start(|_| {}).await;
+    let city = CityStore::open(&server.folder.path().join("two")).unwrap();
+    let schema = Schema::default();
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let drawn = |camera: ExportCamera| {
+        let request = request(camera.into(), None, Stylesheet::default());
+        draw(&source, &request, &|_, _| true).map(|drawing| encode(&drawing, DrawingFormat::Svg))
+    };
+    let posted = async |ExportCamera { position, target, fov_y_deg, .. }, rest: &str| {
+        let options = format!(
+            r#"{{"format":"svg","paper":"A4","title":"A <title>","view":{{"position":{position:?},"target":{target:?},"fov_y_deg":{fov_y_deg}}}{rest}}}"#
+        );
+        let (head, body) = post(&server, PATH, JSON, &options).await;
+        (head.starts_with("HTTP/1.1 200 "), body)
+    };
+    let outside = camera_at([85_080.0, 446_040.0, 30.0]);
+    assert!(lifted_camera(&source, outside).unwrap().is_none());
+    assert!(posted(outside, "").await == (true, drawn(outside).unwrap()));
+    // In the house of the mesh.
+    let inside = camera_at([85_069.0, 446_070.0, 3.0]);
+    let lifted = lifted_camera(&source, inside).unwrap().unwrap();
+    let (is_made, body) = posted(inside, "").await;
+    assert!(is_made && body == drawn(lifted).unwrap(), "{}", String::from_utf8_lossy(&body));
+    let (is_made, kept) = posted(inside, r#","keep_camera":true"#).await;
+    match drawn(inside) {
+        Ok(expected) => assert!(is_made && kept == expected && kept != body),
+        Err(_) => assert!(!is_made),
+    }
+    server.stop().await;
 }
 
 #[tokio::test]
