@@ -28,6 +28,20 @@ impl AreaArgs {
         }
     }
 
+    /// As [`Self::world_box`], of a city between two corners. Fails also if the area is [beyond](Self::beyond) it.
+    pub fn box_in_city(
+        &self,
+        city: [[f64; 2]; 2],
+        on_map: impl FnOnce([f64; 4]) -> Option<[[f64; 2]; 2]>,
+        to_degrees: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+    ) -> Result<Option<[[f64; 2]; 2]>, String> {
+        let area = self.world_box(on_map)?;
+        match area.and_then(|area| self.beyond(area, city, to_degrees)) {
+            Some(reason) => Err(reason),
+            None => Ok(area),
+        }
+    }
+
     /// Says that the area, which is `area` in world metres, has no place in common with a city between two corners, and where that lies;
     /// `None` if it has one. `to_degrees` gives the longitude and latitude of a place on the map.
     pub fn beyond(
@@ -118,5 +132,8 @@ mod tests {
         let text = metres.beyond([[0.0, 0.0], [9.0, 9.0]], city, &to_degrees).unwrap();
         assert!(text.contains("--bbox-metres 0,0,9,9") && text.contains("84000,446000,86000,448000"), "{text}");
         assert_eq!(metres.beyond([[0.0, 0.0], [84_000.0, 446_000.0]], city, &to_degrees), None);
+        assert_eq!(metres.box_in_city(city, |_| None, &to_degrees), Err(text));
+        assert_eq!(metres.box_in_city([[0.0; 2]; 2], |_| None, &to_degrees), Ok(Some([[0.0, 0.0], [9.0, 9.0]])));
+        assert_eq!(AreaArgs::default().box_in_city(city, |_| None, &to_degrees), Ok(None));
     }
 }

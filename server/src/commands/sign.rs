@@ -10,7 +10,8 @@ use crate::{
 use insula_archive::city::MANIFEST_FILE;
 #[cfg(feature = "bake")]
 use insula_bake::read::EarthPlace;
-use insula_protocol::{manifest::is_name, route};
+use insula_command_line::area::AreaArgs;
+use insula_protocol::{Manifest, manifest::is_name, route, text::printable};
 use serde_json::json;
 use std::{
     path::Path,
@@ -20,16 +21,13 @@ use std::{
 /// Where `serve` listens by default.
 const LOCAL_ADDRESS: &str = "http://127.0.0.1:7700";
 
-/// Runs `sign`. Fails if there is no key, or if it is not known where an area lies.
+/// Runs `sign`. Fails if there is no key, if it is not known where an area lies, or if that is beyond the city.
 pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
     let config = ServeConfig::load(args.config.as_deref(), environment(), &[])?;
     let path = args.keys.clone().or(config.access.share_keys).ok_or_else(|| {
         CommandError::Usage("no key file: use --keys FILE, or set access.share_keys in --config".into())
     })?;
     let (keys, faults) = ShareKeys::read(&path);
-    for fault in &faults {
-        tracing::warn!(fault, "part of the keys cannot be used");
-    }
     let (city, area_mm) = city_and_area(args)?;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let grant = ShareGrant {
@@ -41,6 +39,9 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
     let link = keys.sign(&grant).ok_or_else(|| {
         CommandError::Keys(format!("cannot sign: {}; write a line \"ID SECRET\" to it", faults.join("; ")))
     })?;
+    for fault in &faults {
+        eprintln!("warning: part of the keys cannot be used: {}", printable(fault));
+    }
     let url = args.url.as_ref().or(config.public_url.as_ref());
     let base = url.map_or(LOCAL_ADDRESS, PublicUrl::base);
     let address = format!("{base}{}?{PARAMETER}={link}", route::manifest(&grant.city));
@@ -50,7 +51,7 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
 }
 
 /// Name of the city, and the area that the link opens in millimetres of its coordinate system. Fails if a folder is needed and is none
-/// of a city, or if the city is not known to lie on Earth.
+/// of a city, if the city is not known to lie on Earth, or if the area is beyond it.
 fn city_and_area(args: &SignArgs) -> Result<(String, Option<[i64; 4]>), CommandError> {
     let folder = Path::new(&args.city);
     let is_name_enough = is_name(&args.city) && args.area.bbox.is_none();
@@ -63,20 +64,24 @@ fn city_and_area(args: &SignArgs) -> Result<(String, Option<[i64; 4]>), CommandE
         }
     };
     let manifest = city.as_ref().map(|city| city.manifest());
-    let crs = manifest.and_then(|manifest| manifest.crs.as_deref());
-    let area = args.area.world_box(|degrees| on_map(crs, degrees)).map_err(CommandError::Usage)?;
+    let area = match manifest {
+        Some(manifest) => area_in(&args.area, manifest),
+        None => args.area.world_box(|_| None),
+    };
+    let area = area.map_err(CommandError::Usage)?;
     let name = manifest.map_or_else(|| args.city.clone(), |manifest| manifest.name.clone());
     Ok((name, area.map(area_mm)))
 }
 
-/// Corners on the map of an area in degrees; `None` if that is not known.
-#[cfg(feature = "bake")]
-fn on_map(crs: Option<&str>, degrees: [f64; 4]) -> Option<[[f64; 2]; 2]> {
-    EarthPlace::of(crs?)?.box_on_map(degrees)
-}
-
-/// Programs that do not bake have no coordinate systems.
-#[cfg(not(feature = "bake"))]
-fn on_map(_: Option<&str>, _: [f64; 4]) -> Option<[[f64; 2]; 2]> {
-    None
+/// The area in world metres of a city.
+fn area_in(area: &AreaArgs, manifest: &Manifest) -> Result<Option<[[f64; 2]; 2]>, String> {
+    // Programs that do not bake have no coordinate systems.
+    #[cfg(feature = "bake")]
+    let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+    #[cfg(feature = "bake")]
+    let (on_map, to_degrees) =
+        (|degrees| place.as_ref()?.box_on_map(degrees), |at: [f64; 2]| place.as_ref()?.lon_lat(at));
+    #[cfg(not(feature = "bake"))]
+    let (on_map, to_degrees) = (|_: [f64; 4]| None, |_: [f64; 2]| None);
+    area.box_in_city(manifest.bounds.map(|[x, y, _]| [x, y]), on_map, &to_degrees)
 }

@@ -182,18 +182,45 @@ fn the_area_of_a_share_link_may_be_in_degrees() {
     std::fs::write(&keys, "key 0123456789abcdef0123456789abcdef\n").unwrap();
     let city = folder.path().join("Two");
     small_city::write_city(&city, "two");
-    let run = |city: &Path| {
+    let run = |city: &Path, area: [&str; 2]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
-        command.args(["sign", "--expires", "1h", "--bbox", "4.360,52.011,4.362,52.013", "--keys"]).arg(&keys);
+        command.args(["sign", "--expires", "1h"]).args(area).arg("--keys").arg(&keys);
         command.arg("--city").arg(city).output().unwrap()
     };
-    let link = String::from_utf8(run(&city).stdout).unwrap();
+    let degrees = ["--bbox", "4.3678,51.9979,4.3700,51.9990"];
+    let link = String::from_utf8(run(&city, degrees).stdout).unwrap();
     assert!(link.contains("/v1/cities/two?share="), "{link}");
-    // The box begins near x = 84,436 and y = 447,395, which are in the link in millimetres.
-    assert!(link.contains("~844") && link.contains("~4473"), "{link}");
-    let failed = run(Path::new("two"));
+    // The box begins near x = 84,994 and y = 445,991, which are in the link in millimetres.
+    assert!(link.contains("~84993") && link.contains("~445991"), "{link}");
+    for (city, area, words) in [
+        (Path::new("two"), degrees, "--bbox-metres"),
+        (city.as_path(), ["--bbox", "8,44,8.1,44.1"], "--bbox 8,44,8.1,44.1: beyond the city, which lies in 4.36"),
+        (city.as_path(), ["--bbox-metres", "0,0,9,9"], "beyond the city, which lies in 85000,"),
+    ] {
+        let failed = run(city, area);
+        let message = String::from_utf8_lossy(&failed.stderr);
+        assert!(failed.status.code() == Some(2) && message.contains(words), "{message}");
+        assert!(failed.stdout.is_empty(), "no link that opens nothing");
+    }
+}
+
+#[test]
+fn a_missing_key_file_is_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys");
+    let run = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
+        command.args(["sign", "--city", "two", "--expires", "1h", "--keys"]).arg(&keys).output().unwrap()
+    };
+    let failed = run();
     let message = String::from_utf8_lossy(&failed.stderr);
-    assert!(failed.status.code() == Some(2) && message.contains("--bbox-metres"), "{message}");
+    assert!(message.starts_with("error: sign: ") && message.lines().count() == 1, "{message}");
+    // Of a file with a key, lines that are none are told beside the link.
+    std::fs::write(&keys, "short 0123\nkey 0123456789abcdef0123456789abcdef\n").unwrap();
+    let signed = run();
+    let message = String::from_utf8_lossy(&signed.stderr);
+    assert!(signed.status.success() && message.starts_with("warning: part of the keys"), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
 }
 
 #[tokio::test]
