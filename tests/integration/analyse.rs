@@ -272,7 +272,7 @@ fn options_that_do_not_fit_are_refused() {
         ("sun --rule en-17037 --points houses.geojson --bbox 4,52,5,53 --out a.csv", "--bbox has no use"),
         ("sun --rule en-17037 --points houses.geojson --out a.tif", ".csv"),
         ("sun --rule en-17037 --out a.csv", ".tif"),
-        ("sky --bbox-metres 0,0,9,9 --out a.tif", "no part of the city"),
+        ("sky --bbox-metres 0,0,9,9 --out a.tif", "--bbox-metres 0,0,9,9: beyond the city, which lies in"),
     ] {
         let (code, error) = analyse(folder, arguments);
         assert!(matches!(code, Some(1 | 2)) && error.contains(word), "{arguments}: {code:?} {error}");

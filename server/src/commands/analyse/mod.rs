@@ -65,7 +65,10 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let manifest = city.manifest();
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
-    let area = args.area.world_box(|degrees| place.as_ref()?.box_on_map(degrees)).map_err(CommandError::Usage)?;
+    let corners = manifest.bounds.map(|[x, y, _]| [x, y]);
+    let on_map = |degrees| place.as_ref()?.box_on_map(degrees);
+    let area = args.area.box_in_city(corners, on_map, &|at| place.as_ref()?.lon_lat(at));
+    let area = area.map_err(CommandError::Usage)?;
     let change = proposal.as_ref().map(|proposal| proposal.change(&source, place.as_ref())).transpose()?;
     let both = proposal.as_ref().zip(change.as_ref());
     let after = || both.map(|(proposal, change)| AfterProposal::new(proposal, change, &source)).transpose();
