@@ -90,6 +90,14 @@ fn buildings_are_built_demolished_and_changed() {
         let table = fs::read_to_string(folder.join("changes.csv")).unwrap();
         assert_eq!(table.lines().count(), lines, "{options}: {table}");
     }
+    for (options, words) in [
+        ("--bbox 8,44,8.1,44.1", "--bbox 8,44,8.1,44.1: beyond the city, which lies in 4.3"),
+        ("--bbox-metres 0,0,9,9", "beyond the city, which lies in 8"),
+    ] {
+        let (code, error) = run(folder, &format!("changes before after --out beyond.csv {options}"));
+        assert!(code == Some(2) && error.contains(words), "{error}");
+    }
+    assert!(!folder.join("beyond.csv").exists());
     let (code, errors) = run(folder, "changes before after --attribute height --out heights.csv");
     assert_eq!(code, Some(0), "{errors}");
     let table = fs::read_to_string(folder.join("heights.csv")).unwrap();
@@ -110,6 +118,10 @@ fn cities_without_a_map_in_common_are_refused() {
     let (code, error) = run(folder, "changes dutch bare --out changes.csv");
     assert!(code == Some(2) && error.contains("28992") && error.contains("--crs"), "{error}");
     assert!(!folder.join("changes.csv").exists());
+    // Nobody can tell whether two origins are one.
+    let (code, error) = run(folder, "changes bare bare --out changes.csv");
+    assert!(code == Some(0) && error.contains("both in metres of their own"), "{error}");
+    fs::remove_file(folder.join("changes.csv")).unwrap();
     // Another system is another place, but a known one.
     bake(folder, "german", &house, GERMAN);
     let (code, error) = run(folder, "changes dutch german --out changes.csv");

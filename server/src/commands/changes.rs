@@ -16,10 +16,14 @@ use insula_export::{
     format::Projections,
     table::ExportError,
 };
-use insula_protocol::text::{count, human_bytes, printable};
+use insula_protocol::{
+    Manifest,
+    text::{count, human_bytes, printable},
+};
 use serde_json::json;
 
-/// Runs `changes`. Fails if a city cannot be read, if both have no coordinate system in common, or if the table cannot be written.
+/// Runs `changes`. Fails if a city cannot be read, if both have no coordinate system in common, if the area is beyond both, or if the
+/// table cannot be written.
 pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
     let format = args.format().map_err(CommandError::Usage)?;
     let (before, after) = (CityStore::open(&args.before)?, CityStore::open(&args.after)?);
@@ -29,7 +33,7 @@ pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
     let systems = manifests.map(|manifest| manifest.crs.as_deref());
     let places = systems.map(|system| system.and_then(EarthPlace::of));
     let [from, to] = [places[0].as_ref(), places[1].as_ref()];
-    let is_one_map = check_systems(args, systems, [from, to])?;
+    let (is_one_map, note) = check_systems(args, systems, [from, to])?;
     let on_map = |place: [f64; 2]| if is_one_map { Some(place) } else { to?.on_map(from?.lon_lat(place)?) };
 
     let [objects_before, objects_after] = [StoredObjects::open(&before)?, StoredObjects::open(&after)?];
@@ -42,6 +46,16 @@ pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
         args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)
     };
     let areas = area(from)?.zip(area(to)?).map(|(before, after)| [before, after]);
+    if let Some([in_before, in_after]) = areas {
+        let beyond = |area, manifest: &Manifest, place: Option<&EarthPlace>| {
+            let city = manifest.bounds.map(|[x, y, _]| [x, y]);
+            args.area.beyond(area, city, &|at| place?.lon_lat(at))
+        };
+        // One city alone may have grown into the area.
+        if let (Some(_), Some(reason)) = (beyond(in_before, manifests[0], from), beyond(in_after, manifests[1], to)) {
+            return Err(CommandError::Usage(reason));
+        }
+    }
     let schemas = [objects_before.schema(), objects_after.schema()];
     let is_unknown = |name: &&String| schemas.iter().all(|schema| schema.index_of(name).is_none());
     if let Some(name) = args.attribute.iter().find(is_unknown) {
@@ -64,23 +78,27 @@ pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
     };
     let failed = |error: ExportError| CommandError::Export { path: args.out.clone(), reason: error.to_string() };
     let changes = write_changes([&earlier, &later], &on_map, &options, (format, &projections), &args.out);
-    report(args, &changes.map_err(failed)?);
+    report(args, &changes.map_err(failed)?, note);
     Ok(())
 }
 
-/// Whether two cities have one map. Fails if places of one cannot be brought onto that of the other.
+/// Whether two cities have one map, and what to note of that. Fails if places of one cannot be brought onto that of the other.
 fn check_systems(
     args: &ChangesArgs,
     [before, after]: [Option<&str>; 2],
     places: [Option<&EarthPlace>; 2],
-) -> Result<bool, CommandError> {
+) -> Result<(bool, Option<String>), CommandError> {
+    let (first, second) = (args.before.display(), args.after.display());
+    if before.or(after).is_none() {
+        let note = format!("{first} and {second} are both in metres of their own, which are taken as the same");
+        return Ok((true, Some(note)));
+    }
     let codes = places.map(|place| place.and_then(EarthPlace::epsg));
     if before == after || codes[0].is_some() && codes[0] == codes[1] {
-        return Ok(true);
+        return Ok((true, None));
     }
     let named = |system: Option<&str>| printable(system.unwrap_or("metres of its own")).to_string();
     let (from, to) = (named(before), named(after));
-    let (first, second) = (args.before.display(), args.after.display());
     if places.iter().any(Option::is_none) {
         return Err(CommandError::Usage(format!(
             "{first} is in {from}, and {second} in {to}, which cannot be brought together: bake both with the same --crs"
@@ -90,12 +108,12 @@ fn check_systems(
         let reason = "--bbox-metres: the cities have two coordinate systems: give --bbox";
         return Err(CommandError::Usage(reason.to_owned()));
     }
-    eprintln!("note: {first} is in {from} and compared in {to}, which may shift it by about a metre");
-    Ok(false)
+    let note = format!("{first} is in {from} and compared in {to}, which may shift it by about a metre");
+    Ok((false, Some(note)))
 }
 
-/// Says what changed.
-fn report(args: &ChangesArgs, changes: &ChangeReport) {
+/// Says what changed, after what is to note of the cities' maps.
+fn report(args: &ChangesArgs, changes: &ChangeReport, of_maps: Option<String>) {
     let ChangeReport {
         built,
         demolished,
@@ -109,13 +127,13 @@ fn report(args: &ChangesArgs, changes: &ChangeReport) {
         attributes,
         table,
     } = changes;
-    for (reason, number) in &table.skipped {
-        eprintln!("note: {} left out: {reason}", count(*number, "building"));
-    }
-    table.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
+    let left_out =
+        table.skipped.iter().map(|(reason, number)| format!("{} left out: {reason}", count(*number, "building")));
+    let mut notes: Vec<String> = of_maps.into_iter().chain(left_out).chain(table.warnings.iter().cloned()).collect();
     if changed + unchanged == 0 && built * demolished > 0 {
-        eprintln!("note: no building of one city is where one of the other is: are both of one place?");
+        notes.push("no building of one city is where one of the other is: are both of one place?".to_owned());
     }
+    notes.iter().for_each(|note| eprintln!("note: {}", printable(note)));
     if !table.attribution.is_empty() {
         eprintln!("note: name the source wherever this is shown: {}", printable(&table.attribution));
     }
@@ -133,6 +151,7 @@ fn report(args: &ChangesArgs, changes: &ChangeReport) {
         "split": split,
         "merged": merged,
         "attributes": attributes,
+        "notes": notes,
     });
     let others = match args.attribute.is_empty() {
         true => String::new(),
