@@ -103,26 +103,26 @@ impl TextFonts {
 
     /// Width of a text of size 1; in Helvetica exact for digits and spaces.
     pub(super) fn width(&self, text: &str) -> f64 {
-        if self.is_outlined(text) { text.chars().map(|c| self.advance(c)).sum() } else { text.chars().map(width).sum() }
+        let is_outlined = self.is_outlined(text);
+        let of_letter = |c: char| if is_outlined && !is_asian(c) { self.advance(c) } else { width(c) };
+        text.chars().map(of_letter).sum()
     }
 
     /// Writes a text that begins at a place in millimetres.
     pub(super) fn show(&self, content: &mut Content, at_mm: [f64; 2], size_mm: f64, text: &str) {
         if self.is_outlined(text) {
-            self.draw(content, at_mm, size_mm, text);
+            let [mut left, base] = at_mm;
+            for (is_of_asia, run) in runs(text) {
+                match is_of_asia {
+                    true => show_run(content, [left, base], size_mm, run),
+                    false => self.draw(content, [left, base], size_mm, run),
+                }
+                let of_letter = |c: char| if is_of_asia { width(c) } else { self.advance(c) };
+                left += size_mm * run.chars().map(of_letter).sum::<f64>();
+            }
             return;
         }
-        let [x, y] = at_mm.map(pt);
-        content.begin_text().set_font(Name(WESTERN), pt(size_mm)).next_line(x, y);
-        let mut is_western = true;
-        for (is_asian, bytes) in runs(text) {
-            if is_western == is_asian {
-                is_western = !is_asian;
-                content.set_font(Name(if is_asian { ASIAN } else { WESTERN }), pt(size_mm));
-            }
-            content.show(Str(&bytes));
-        }
-        content.end_text();
+        show_run(content, at_mm, size_mm, text);
     }
 
     /// Draws the outlines of a text, which readers find by its letters all the same.
@@ -133,7 +133,7 @@ impl TextFonts {
         drop(marked);
         let (mut pen, scale, outlines) = (x, size_mm / units_per_em(own), own.outline_glyphs());
         for c in text.chars() {
-            if let Some(outline) = self.glyph(c).and_then(|glyph| outlines.get(glyph)) {
+            if let Some(outline) = self.glyph_or_mark(c).and_then(|glyph| outlines.get(glyph)) {
                 let mut path = GlyphPath { content: &mut *content, at_mm: [pen, y], scale, last: [0.0; 2] };
                 // The font is part of the program: none of its outlines is damaged.
                 let _ = outline.draw(Size::unscaled(), &mut path);
@@ -143,30 +143,35 @@ impl TextFonts {
         content.fill_nonzero().end_marked_content();
     }
 
-    /// Whether a text has letters that no font of the reader has for certain, and the font of the program has all of it.
+    /// Whether a text has letters that no font of the reader has for certain, but the font of the program has. Then all of it but the
+    /// letters of East Asia is in that font: how wide it is in another one is not known.
     fn is_outlined(&self, text: &str) -> bool {
-        text.chars().any(|c| western(c).is_none() && !is_asian(c)) && text.chars().all(|c| self.glyph(c).is_some())
+        text.chars().any(|c| western(c).is_none() && !is_asian(c) && self.glyph(c).is_some())
     }
 
     fn glyph(&self, c: char) -> Option<GlyphId> {
         self.own.as_ref()?.charmap().map(c).filter(|glyph| glyph.to_u32() > 0)
     }
 
+    /// The glyph of a letter, or of a question mark if the font has none.
+    fn glyph_or_mark(&self, c: char) -> Option<GlyphId> {
+        self.glyph(c).or_else(|| self.glyph('?'))
+    }
+
     /// Width of a letter of the program's font of size 1.
     fn advance(&self, c: char) -> f64 {
         let units = |own: &FontRef<'static>| {
             let metrics = own.glyph_metrics(Size::unscaled(), LocationRef::default());
-            Some(f64::from(metrics.advance_width(self.glyph(c)?)?) / units_per_em(own))
+            Some(f64::from(metrics.advance_width(self.glyph_or_mark(c)?)?) / units_per_em(own))
         };
         self.own.as_ref().and_then(units).unwrap_or_default()
     }
 
     /// Letters of a text that the file does not have.
     fn letters(&self, text: &str) -> PdfLetters {
-        if self.is_outlined(text) {
-            return PdfLetters::default();
-        }
-        let others = text.chars().filter(|c| western(*c).is_none());
+        let is_outlined = self.is_outlined(text);
+        let is_there = |c: char| if is_outlined { self.glyph(c).is_some() } else { western(c).is_some() };
+        let others = text.chars().filter(|c| is_asian(*c) || !is_there(*c));
         let (of_reader, lost) = others.partition(|c| is_asian(*c));
         PdfLetters { lost, of_reader }
     }
@@ -214,20 +219,40 @@ fn western(c: char) -> Option<u8> {
     byte.or_else(|| FROM_0X80.iter().position(|known| *known == c && c != '\0').map(|place| 0x80 + place as u8))
 }
 
-/// A text as runs in one font, by whether it is the Asian one, in the encodings of the fonts.
-fn runs(text: &str) -> Vec<(bool, Vec<u8>)> {
-    let mut runs: Vec<(bool, Vec<u8>)> = Vec::new();
-    for c in text.chars() {
-        let bytes: Vec<u8> = match is_asian(c) {
-            true => c.encode_utf16(&mut [0; 2]).iter().flat_map(|unit| unit.to_be_bytes()).collect(),
-            false => vec![western(c).unwrap_or(b'?')],
-        };
-        match runs.last_mut() {
-            Some((of_last, run)) if *of_last == is_asian(c) => run.extend(bytes),
-            _ => runs.push((is_asian(c), bytes)),
-        }
+/// A text as runs in one font, by whether it is the Asian one.
+fn runs(text: &str) -> Vec<(bool, &str)> {
+    let (mut runs, mut rest) = (Vec::new(), text);
+    while let Some(first) = rest.chars().next() {
+        let is_of_asia = is_asian(first);
+        let end = rest.find(|c: char| is_asian(c) != is_of_asia).unwrap_or(rest.len());
+        let (run, others) = rest.split_at(end);
+        runs.push((is_of_asia, run));
+        rest = others;
     }
     runs
+}
+
+/// A run in the encoding of its font.
+fn encoded((is_of_asia, run): (bool, &str)) -> Vec<u8> {
+    match is_of_asia {
+        true => run.encode_utf16().flat_map(u16::to_be_bytes).collect(),
+        false => run.chars().map(|c| western(c).unwrap_or(b'?')).collect(),
+    }
+}
+
+/// Writes a text in fonts of the reader.
+fn show_run(content: &mut Content, at_mm: [f64; 2], size_mm: f64, text: &str) {
+    let [x, y] = at_mm.map(pt);
+    content.begin_text().set_font(Name(WESTERN), pt(size_mm)).next_line(x, y);
+    let mut is_western = true;
+    for (is_of_asia, run) in runs(text) {
+        if is_western == is_of_asia {
+            is_western = !is_of_asia;
+            content.set_font(Name(if is_of_asia { ASIAN } else { WESTERN }), pt(size_mm));
+        }
+        content.show(Str(&encoded((is_of_asia, run))));
+    }
+    content.end_text();
 }
 
 /// Units of the sizes of a font.
@@ -305,8 +330,8 @@ mod tests {
 
     #[test]
     fn western_texts_are_in_the_encoding_of_their_font() {
-        assert_eq!(runs("30\u{b0}\n"), [(false, b"30\xb0?".to_vec())]);
-        assert_eq!(runs("\u{20ac} \u{2013} \u{178}"), [(false, b"\x80 \x96 \x9f".to_vec())]);
+        assert_eq!(encoded((false, "30\u{b0}\n")), b"30\xb0?");
+        assert_eq!(encoded((false, "\u{20ac} \u{2013} \u{178}")), b"\x80 \x96 \x9f");
         assert!((TextFonts::of([].into_iter()).width("100 m") - 2.779).abs() < 1e-9);
         assert!(shown("100 m").contains("/F ") && !shown("100 m").contains("Span"));
     }
@@ -334,8 +359,27 @@ mod tests {
             assert_eq!(asian_font([text].into_iter()), Some(font));
             assert!(shown(text).contains("/J "), "{}", shown(text));
         }
-        assert_eq!(runs("a\u{6771}"), [(false, b"a".to_vec()), (true, vec![0x67, 0x71])]);
+        assert_eq!(runs("a\u{6771}"), [(false, "a"), (true, "\u{6771}")]);
+        assert_eq!(encoded((true, "\u{6771}")), [0x67, 0x71]);
         let letters = letters_of(["\u{6771}\u{4eac} \u{5d0}"].into_iter());
         assert_eq!((letters.lost.as_str(), letters.of_reader.as_str()), ("\u{5d0}", "\u{6771}\u{4eac}"));
+    }
+
+    #[test]
+    fn other_letters_of_europe_stay_beside_those_of_east_asia() {
+        let (europe, both) = ("Miasto \u{141}\u{f3}d\u{17a} ", "Miasto \u{141}\u{f3}d\u{17a} \u{6771}\u{4eac}");
+        let page = shown(both);
+        // The letters as UTF-16 in the mark of the outlines, then two letters of the reader's font.
+        assert!(page.contains("/ActualText") && page.contains(" c\n"), "{page}");
+        assert_eq!((page.matches("Tj").count(), page.contains("/J ")), (1, true), "{page}");
+        let lost = |text: &str| letters_of([text].into_iter()).lost;
+        assert_eq!(
+            (lost(both), letters_of([both].into_iter()).of_reader.as_str()),
+            (String::new(), "\u{6771}\u{4eac}")
+        );
+        let width = |text: &str| TextFonts::of([text].into_iter()).width(text);
+        assert!((width(both) - width(europe) - 2.0).abs() < 1e-9, "{} and {}", width(both), width(europe));
+        // Of letters that nobody has, the text has question marks, and nothing else is lost.
+        assert_eq!(lost("\u{141}\u{f3}d\u{17a} \u{5d0}"), "\u{5d0}");
     }
 }
