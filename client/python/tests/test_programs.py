@@ -76,6 +76,37 @@ class Monaco(unittest.TestCase):
         table = self.city.objects("arrow")
         self.assertEqual(table.num_rows, len(frame))
 
+    def earlier(self) -> Path:
+        """A release without the houses north of a line, as a folder."""
+        folder = self.folder / "earlier"
+        if not folder.exists():
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                insula.bake(MAP, folder, bbox=(*BBOX[:3], 43.7315), cell=3, views=32)
+        return folder
+
+    def test_changes_are_records(self):
+        rows = insula.changes(self.earlier(), self.city, "records")
+        built = [row for row in rows if row["change"] == "built"]
+        self.assertGreater(len(built), 10)
+        known = {row["object"]: row["identifier"] for row in self.city.objects("records", filter="kind == 'building'")}
+        self.assertTrue(all(known[row["object_after"]] == row["identifier_after"] for row in built))
+        self.assertEqual(built[0]["geometry"]["type"][-7:], "Polygon")
+        self.assertGreater(len(insula.changes(self.earlier(), self.city, "records", all=True)), len(rows))
+        with self.assertRaisesRegex(insula.Error, "--attribute nothing"):
+            insula.changes(self.earlier(), self.city, attribute="nothing")
+
+    @needs("geopandas", "pyarrow")
+    def test_changes_are_frames_in_metres(self):
+        frame = insula.changes(self.city, self.earlier(), bbox_metres=self.area())
+        self.assertEqual(frame.crs.to_epsg(), int(self.city.crs.removeprefix("EPSG:")))
+        self.assertIn("demolished", set(frame.change))
+
+    def area(self) -> tuple[float, float, float, float]:
+        """The northern half of the city."""
+        (west, south, _), (east, north, _) = self.city.bounds
+        return west, (south + north) / 2, east, north
+
     def test_a_picture_has_distances_and_objects(self):
         picture = self.city.render(size=SIZE, distance=True, objects=True)
         self.assertEqual((picture.shape, picture.distance.shape, picture.objects.shape), ((90, 160, 3), (90, 160), (90, 160)))

@@ -15,6 +15,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from ._bake import Progress, bake
+from ._changes import changes
 from ._city import City, open
 from ._colors import colors
 from ._picture import NO_OBJECT, Picture
@@ -35,6 +36,7 @@ __all__ = [
     "Raster",
     "Server",
     "bake",
+    "changes",
     "colors",
     "open",
     "run",

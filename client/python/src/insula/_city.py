@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from . import _http, _picture
 from ._analyses import Analyses
 from ._picture import Picture
 from ._programs import Error, arguments, is_address, local_path, run
+from ._table import Form, table_of
 
 Box = tuple[float, float, float, float]
 """West, south, east and north."""
@@ -104,7 +105,7 @@ class City(Analyses):
 
     def objects(
         self,
-        as_: Literal["geopandas", "arrow", "records"] | None = None,
+        as_: Form | None = None,
         *,
         bbox: Box | None = None,
         bbox_metres: Box | None = None,
@@ -117,15 +118,8 @@ class City(Analyses):
         As a `geopandas.GeoDataFrame` in the city's coordinate system if GeoPandas is installed, else as a list of dicts with GeoJSON
         geometries in degrees; `as_` chooses. `filter` is as in "height > 20"; `parts` gives parts of buildings rows of their own.
         """
-        if as_ is None:
-            as_ = "geopandas" if _is_installed("geopandas") else "records"
         limits = {"bbox": bbox, "bbox_metres": bbox_metres, "filter": filter, "parts": parts, "polygon": polygon}
-        # GeoParquet has types and metres; GeoJSON needs nothing to be read.
-        suffix = "geojson" if as_ == "records" else "parquet"
-        with tempfile.TemporaryDirectory(prefix="insula-") as folder:
-            table = Path(folder) / f"objects.{suffix}"
-            run("insula-server", "export", self.folder, f"--out={table}", *arguments(limits))
-            return _read_table(table, as_, self.crs)
+        return table_of("export", self.folder, *arguments(limits), as_=as_, crs=self.crs)
 
     def render(
         self,
@@ -167,27 +161,3 @@ class City(Analyses):
 
 def _joined(numbers: list[int]) -> str:
     return ",".join(str(number) for number in numbers)
-
-
-def _is_installed(module: str) -> bool:
-    from importlib.util import find_spec
-
-    return find_spec(module) is not None and (module != "geopandas" or find_spec("pyarrow") is not None)
-
-
-def _read_table(path: Path, as_: str, crs: str | None) -> Any:
-    if as_ == "records":
-        features = json.loads(path.read_text(encoding="utf-8"))["features"]
-        return [{**feature["properties"], "geometry": feature["geometry"]} for feature in features]
-    try:
-        if as_ == "arrow":
-            import pyarrow.parquet
-
-            return pyarrow.parquet.read_table(path)
-        import geopandas
-
-        frame = geopandas.read_parquet(path).drop(columns="bbox", errors="ignore")
-        # The file has the parameters of the system; its code has also a name and an area.
-        return frame.set_crs(crs, allow_override=True) if crs else frame
-    except ImportError as error:
-        raise Error(f"{error.name} is not installed: pip install 'insula[geo]', or ask for as_=\"records\"") from error
