@@ -53,3 +53,20 @@ fn read<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result<T> 
     let text = read_text(path, MAX_BYTES).map_err(ClientError::file(path))?;
     parse(&text).map_err(|e| ClientError::Usage(format!("{}: {e}", path.display())))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_numbers_of_a_file_stay_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("camera.json");
+        let json = r#"{"position":[85013.7,446900.3,61.1],"target":[85047.1,446931.9,11.3],"fov_y_deg":57.3}"#;
+        std::fs::write(&path, json).unwrap();
+        let (file, camera) = read_camera_file(&path).unwrap();
+        assert_eq!((file.target, file.up, file.fov_y_deg), ([85_047.1, 446_931.9, 11.3], [0.0, 0.0, 1.0], 57.3));
+        assert_ne!(CameraFile::from_camera(&camera).target, file.target, "that is a hundred metres away");
+        assert_eq!(read_camera(&path).unwrap(), camera);
+    }
+}

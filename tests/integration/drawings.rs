@@ -1,13 +1,23 @@
-//! Drawings with several translucent things, which are painted from the farthest to the nearest (Moldoveanu, "Algoritmul pictorului").
+//! Drawings with several translucent things, which are painted from the farthest to the nearest (Moldoveanu, "Algoritmul pictorului"), and
+//! drawings of a server beside those of the command.
 
 use anyhow::{Context, Result, ensure};
-use insula_test_support::programs::{program, run};
+use insula_test_support::programs::{ServerProcess, program, run};
 use insula_tests::{tests, trials::Trials};
 use serde_json::json;
-use std::{fs, path::Path, process::Command};
+use std::{
+    fs,
+    io::{Read, Write},
+    net::{SocketAddr, TcpStream},
+    path::Path,
+    process::Command,
+};
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![translucent_things_are_painted_from_the_farthest_to_the_nearest]);
+    trials.add(tests![
+        translucent_things_are_painted_from_the_farthest_to_the_nearest,
+        a_server_draws_cameras_as_the_command_does
+    ]);
 }
 
 /// Kinds and corners of blocks from south to north: two that are translucent and overlap in the picture, and a wall behind them.
@@ -139,5 +149,49 @@ fn translucent_things_are_painted_from_the_farthest_to_the_nearest() -> Result<(
             ensure!(found > 10, "{out}: the two overlap at {found} places");
         }
     }
+    Ok(())
+}
+
+/// What a server answers to a body of JSON.
+fn posted(address: SocketAddr, path: &str, body: &str) -> Result<Vec<u8>> {
+    let mut stream = TcpStream::connect(address)?;
+    let length = body.len();
+    write!(
+        stream,
+        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}"
+    )?;
+    let mut response = Vec::new();
+    stream.read_to_end(&mut response)?;
+    let end = response.windows(4).position(|bytes| bytes == b"\r\n\r\n").context("no head")?;
+    let content = response.split_off(end + 4);
+    let is_made = response.starts_with(b"HTTP/1.1 200 ");
+    ensure!(is_made, "{}{}", String::from_utf8_lossy(&response), String::from_utf8_lossy(&content));
+    Ok(content)
+}
+
+/// Both take the numbers of a camera as they are, and lift it out of what it is inside of.
+fn a_server_draws_cameras_as_the_command_does() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
+    fs::write(folder.join("a.city.json"), city(["Bridge", "WaterBody", "Building"]))?;
+    call(folder, "insula-server", "bake a.city.json --cell 1 --ground none --no-street-sets --out a")?;
+    let mut command = Command::new(program("insula-server")?);
+    let server = ServerProcess::start(&mut command, folder.join("a"), "127.0.0.1:0", &["drawings.at_once=1"])?;
+    let drawn = |name: &str, position: [f64; 3], is_kept: bool| -> Result<Vec<u8>> {
+        let view = json!({ "position": position, "target": [100_047.1, 450_031.9, -9.7], "fov_y_deg": 57.3 });
+        fs::write(folder.join("camera.json"), view.to_string())?;
+        let (out, option) = (format!("{name}.svg"), if is_kept { "--keep-camera" } else { "" });
+        call(folder, "insula", &format!("draw a --camera camera.json --paper A4 {option} --out {out}"))?;
+        let options = json!({ "format": "svg", "paper": "A4", "view": view, "keep_camera": is_kept });
+        let answer = posted(server.address, "/v1/cities/a/draw", &options.to_string())?;
+        let file = fs::read(folder.join(out))?;
+        ensure!(answer == file, "{name}: {} bytes of the server, {} of the command", answer.len(), file.len());
+        Ok(answer)
+    };
+    drawn("outside", [100_013.7, 449_900.3, 61.1], false)?;
+    // In the wall, which is 40 m high.
+    let inside = [100_050.3, 450_062.1, 30.3];
+    let (lifted, kept) = (drawn("lifted", inside, false)?, drawn("kept", inside, true)?);
+    ensure!(lifted != kept, "the camera in the wall is lifted out");
     Ok(())
 }
