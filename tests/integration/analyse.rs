@@ -146,10 +146,22 @@ fn shadows_and_views_are_areas_on_the_map() {
     assert_eq!(analyse(folder, "view --of tower.geojson --height 40 --out tower.tif"), ok());
 }
 
-/// Polygons of a GeoJSON file, of its first feature.
+/// Polygons of a GeoJSON file.
 fn polygons(path: &Path) -> Vec<Vec<Vec<[f64; 2]>>> {
+    let of_feature = |feature: &Value| -> Vec<Vec<Vec<[f64; 2]>>> {
+        serde_json::from_value(feature["geometry"]["coordinates"].clone()).unwrap()
+    };
+    features(path).iter().flat_map(of_feature).collect()
+}
+
+fn features(path: &Path) -> Vec<Value> {
     let file: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
-    serde_json::from_value(file["features"][0]["geometry"]["coordinates"].clone()).unwrap()
+    file["features"].as_array().unwrap().clone()
+}
+
+/// What the features say of changes.
+fn changes(path: &Path) -> Vec<i64> {
+    features(path).iter().map(|feature| feature["properties"]["change"].as_i64().unwrap()).collect()
 }
 
 /// The clocks of the Netherlands are 1.7 hours ahead of the sun there in summer, and one less in winter.
@@ -297,6 +309,20 @@ fn views_take_proposals(folder: &Path) {
     assert_eq!(analyse(folder, of), ok());
 }
 
+/// Areas of what comes and of what goes are features of their own; there is none of what does not happen.
+fn shadows_of_proposals_come_and_go(folder: &Path) {
+    let remove = "[[remove]]\nids = [\"feature 1\"]\n";
+    let add = "[[add]]\noutline = \"tower.geojson\"\nheight_m = 60\n";
+    for (name, proposal, expected) in
+        [("both", format!("{add}{remove}"), vec![1, -1]), ("gone", remove.to_owned(), vec![-1])]
+    {
+        fs::write(folder.join("plan.toml"), proposal).unwrap();
+        let line = format!("shadow --time 2025-12-21T12:00+01:00 --proposal plan.toml --out {name}.geojson");
+        assert_eq!(analyse(folder, &line), ok());
+        assert_eq!(changes(&folder.join(format!("{name}.geojson"))), expected, "{name}");
+    }
+}
+
 fn proposals_say_what_they_change() {
     let folder = baked_city();
     let folder = folder.path();
@@ -345,6 +371,7 @@ fn proposals_say_what_they_change() {
     let visible = ["free.csv", "hidden.csv"].map(|name| rows(&folder.join(name))[0][3].clone());
     assert_eq!(visible, ["yes", "no"]);
     views_take_proposals(folder);
+    shadows_of_proposals_come_and_go(folder);
     for (text, expected) in [
         ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
         ("[[add]]\noutline = \"tower.geojson\"\n", "height_m"),

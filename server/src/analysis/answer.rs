@@ -49,6 +49,8 @@ pub(crate) struct Answer {
     pub(crate) notes: Vec<String>,
     /// Values above this make the areas of polygons.
     pub(crate) area_from: f32,
+    /// Whether values are changes: more above 0, less below.
+    pub(crate) is_change: bool,
     /// What is written as table of buildings, in place of their values.
     pub(crate) table: Option<Vec<u8>>,
 }
@@ -65,6 +67,7 @@ impl Default for Answer {
             total: None,
             notes: Vec::new(),
             area_from: 0.5,
+            is_change: false,
             table: None,
         }
     }

@@ -13,7 +13,7 @@ use insula_bake::read::EarthPlace;
 use serde_json::{Value, json};
 
 /// Coordinates of a MultiPolygon. `place` gives those of a corner, or `None` where there are none; then the result is `None`.
-pub(crate) fn coordinates(
+fn coordinates(
     polygons: &[CellPolygon],
     place: &dyn Fn([u32; 2]) -> Option<[f64; 2]>,
 ) -> Option<Vec<Vec<Vec<[f64; 2]>>>> {
@@ -27,6 +27,35 @@ pub(crate) fn coordinates(
 /// Longitude and latitude of a place in world metres, with decimals of a degree that are below a centimetre.
 pub(crate) fn lon_lat(place: &EarthPlace, at: [f64; 2]) -> Option<[f64; 2]> {
     place.lon_lat(at).map(|degrees| degrees.map(|degrees| (degrees * 1e7).round() / 1e7))
+}
+
+/// Features of the areas whose values are above the answer's border, and for changes of those as far below 0: none of an area that is empty.
+/// `place` gives the coordinates of a place in world metres; `None` if they are not known.
+pub(crate) fn areas(
+    answer: &Answer,
+    surface: &CitySurface,
+    place: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+) -> Option<Vec<Value>> {
+    let corner = |corner: [u32; 2]| place([0, 1].map(|k| surface.corner[k] + f64::from(corner[k]) * surface.cell_m));
+    let signs: &[i8] = if answer.is_change { &[1, -1] } else { &[1] };
+    let mut features = Vec::new();
+    for sign in signs {
+        let is_in = answer.tops.iter().map(|value| f32::from(*sign) * value > answer.area_from);
+        let coordinates = coordinates(&outlines(&is_in.collect::<Vec<bool>>(), surface.size()[0]), &corner)?;
+        if coordinates.is_empty() {
+            continue;
+        }
+        let mut properties = json!({ "title": answer.title });
+        if answer.is_change {
+            properties["change"] = json!(sign);
+        }
+        features.push(json!({
+            "type": "Feature",
+            "properties": properties,
+            "geometry": { "type": "MultiPolygon", "coordinates": coordinates },
+        }));
+    }
+    Some(features)
 }
 
 /// A feature for each class of values, from low to high, with its area, which may be empty. `place` gives the coordinates of a place in

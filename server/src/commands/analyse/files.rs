@@ -9,13 +9,12 @@ use super::{
 use crate::{
     analysis::{
         answer::Answer,
-        regions::{coordinates, lon_lat},
+        regions::{areas, lon_lat},
     },
     args::Analysis,
 };
 use insula_analysis::{
     buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table},
-    outlines::outlines,
     surface::CitySurface,
 };
 use insula_archive::new_file::replace;
@@ -135,20 +134,13 @@ fn write_polygons(
 ) -> Result<Written, CommandError> {
     let unknown = "it is not known where on Earth this city lies: write a .tif";
     let place = question.place.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
-    let is_in: Vec<bool> = answer.tops.iter().map(|value| *value > answer.area_from).collect();
-    let degrees =
-        |[x, y]: [u32; 2]| lon_lat(place, [0, 1].map(|k| surface.corner[k] + f64::from([x, y][k]) * surface.cell_m));
-    let polygons = coordinates(&outlines(&is_in, surface.size()[0]), &degrees);
-    let polygons = polygons.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
+    let features = areas(answer, surface, &|at| lon_lat(place, at));
+    let features = features.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
     let attribution = insula_export::table::attribution(question.source.manifest());
     let collection = serde_json::json!({
         "type": "FeatureCollection",
         "attribution": attribution,
-        "features": [{
-            "type": "Feature",
-            "properties": { "title": answer.title },
-            "geometry": { "type": "MultiPolygon", "coordinates": polygons },
-        }],
+        "features": features,
     });
     let bytes = collection.to_string().into_bytes();
     replace(out, &bytes).map_err(|error| CommandError::Write { path: out.to_owned(), reason: error.to_string() })?;

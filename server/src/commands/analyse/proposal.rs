@@ -39,7 +39,8 @@ pub(super) fn between(
         _ => "what is below 0 is lost",
     };
     notes.push(format!("{name}: values are changes, after less before, up to {AROUND_M} m around it; {meaning}"));
-    Answer { tops, points, walls, asked: None, title: format!("change of {} by {name}", later.title), notes, ..later }
+    let title = format!("change of {} by {name}", later.title);
+    Answer { tops, points, walls, asked: None, title, notes, is_change: true, ..later }
 }
 
 /// What rays meet after a proposal.

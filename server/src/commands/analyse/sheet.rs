@@ -69,7 +69,7 @@ fn colors_of(question: &Question, answer: &Answer) -> Colors {
     match args.what {
         // Of vistas, values are those after the proposal.
         Analysis::View if args.vista.is_some() => Colors::of_vista(answer),
-        what if args.proposal.is_some() => Colors::of_change(what, answer),
+        what if answer.is_change => Colors::of_change(what, answer),
         Analysis::View if args.of.is_some() => Colors::of_share_seen(),
         what => Colors::of(what, answer),
     }
