@@ -38,6 +38,8 @@ pub struct Evidence<'a> {
     pub city: &'a CityTriangles,
     pub site: &'a Site,
     pub rule: &'a Rule,
+    /// What is shown, if that is not the city as it is.
+    pub note: Option<String>,
     /// The city, and who must be named.
     pub credit: String,
 }
@@ -164,8 +166,8 @@ impl Evidence<'_> {
             }
             _ => format!("{} in {time}: sun at {}", sun.day, times.join(" ")),
         };
+        let value = format!("{}: {:.2} {unit} {what}{counted}; {asked}", point.id, sun.value);
         let lines = [
-            (20.0, format!("{}: {:.2} {unit} {what}{counted}; {asked}", point.id, sun.value)),
             (15.0, format!("x {x:.2}, y {y:.2}, z {z:.2}, {facing}")),
             (15.0, format!("rule: {title}")),
             (13.0, source.clone()),
@@ -174,7 +176,8 @@ impl Evidence<'_> {
             (13.0, self.credit.clone()),
         ];
         let mut top = SIDE as f32;
-        for (size, line) in lines {
+        let note = self.note.clone().map(|note| (15.0, note));
+        for (size, line) in [(20.0, value)].into_iter().chain(note).chain(lines) {
             canvas.text([MARGIN, top], Anchor::Corner, size, 2.0 * RADIUS, INK, &line);
             top += size * 1.5;
         }
@@ -220,7 +223,7 @@ mod tests {
         let point = Point { id: "a".into(), place: [0.0, 0.0], height: PointHeight::World(0.0), azimuth_deg: None };
         let suns = sun_at_points(&city, None, std::slice::from_ref(&point), &site, &rule);
         let sun = suns[0].as_ref().unwrap();
-        let evidence = Evidence { city: &city, site: &site, rule: &rule, credit: "c".to_owned() };
+        let mut evidence = Evidence { city: &city, site: &site, rule: &rule, note: None, credit: "c".to_owned() };
         let image = evidence.picture(&point, sun);
         let at = |azimuth_deg: f64, altitude_deg: f64| {
             let [x, y] = evidence.place(Bearing { azimuth_deg, altitude_deg });
@@ -232,5 +235,13 @@ mod tests {
         let sun_at =
             |hour: f64| site.sun(rule.days[0], hour, &rule.time).map(|sun| at(sun.azimuth_deg, sun.altitude_deg));
         assert_eq!([sun_at(8.5), sun_at(11.5)], [Some(SUN), Some(SHADE)]);
+        // A note is a line more, and all lines have a place.
+        evidence.note = Some("planned".to_owned());
+        let noted = evidence.picture(&point, sun);
+        let last = |image: &RgbImage| {
+            image.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 != PAPER).map(|(_, y, _)| y).max()
+        };
+        let [without, with] = [&image, &noted].map(|image| last(image).unwrap());
+        assert!(with > without + 10 && with < SIDE + CAPTION - 1, "{without} {with}");
     }
 }

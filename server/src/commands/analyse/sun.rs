@@ -156,7 +156,8 @@ pub(super) fn sun_at(
     let mut lines = vec![format!("wrote {} ({})", args.out.display(), count(points.len() as u64, "point"))];
     if let Some(folder) = &args.evidence {
         let credit = credit(source);
-        let evidence = Evidence { city: &city, site: &site, rule: &rule, credit };
+        let note = after.map(|after| format!("planned state: {}", after.note()));
+        let evidence = Evidence { city: &city, site: &site, rule: &rule, note, credit };
         let number = write_pictures(&evidence, &points, &suns, folder)?;
         lines.push(format!("wrote {} to {}", count(number as u64, "picture"), folder.display()));
     }
