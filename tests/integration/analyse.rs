@@ -35,6 +35,9 @@ behind,85010,447015,0,
 far,85010,447060,0,
 ";
 
+/// A proposal to remove the house.
+const GONE: &str = "[[remove]]\nids = [\"feature 1\"]\n";
+
 /// A folder with the city of the house, and of two sheds so far away that there is ground around it.
 fn baked_city() -> tempfile::TempDir {
     let building = |height: u32, [x0, y0, x1, y1]: [u32; 4]| {
@@ -305,16 +308,15 @@ fn views_take_proposals(folder: &Path) {
     assert_eq!((open, hit), (0, 1));
     assert!(rows(&folder.join("hit.csv")).is_empty(), "what is added has no row");
     let of = "view --of tower.geojson --height 9 --proposal shed.toml --out share.tif";
-    fs::write(folder.join("shed.toml"), "[[remove]]\nids = [\"feature 1\"]\n").unwrap();
+    fs::write(folder.join("shed.toml"), GONE).unwrap();
     assert_eq!(analyse(folder, of), ok());
 }
 
 /// Areas of what comes and of what goes are features of their own; there is none of what does not happen.
 fn shadows_of_proposals_come_and_go(folder: &Path) {
-    let remove = "[[remove]]\nids = [\"feature 1\"]\n";
     let add = "[[add]]\noutline = \"tower.geojson\"\nheight_m = 60\n";
     for (name, proposal, expected) in
-        [("both", format!("{add}{remove}"), vec![1, -1]), ("gone", remove.to_owned(), vec![-1])]
+        [("both", format!("{add}{GONE}"), vec![1, -1]), ("gone", GONE.to_owned(), vec![-1])]
     {
         fs::write(folder.join("plan.toml"), proposal).unwrap();
         let line = format!("shadow --time 2025-12-21T12:00+01:00 --proposal plan.toml --out {name}.geojson");
@@ -338,6 +340,10 @@ fn proposals_say_what_they_change() {
     fs::write(folder.join("tower.toml"), proposal).unwrap();
     let asked = "sun --rule rule.toml --proposal tower.toml --out lost.tif --buildings lost.csv --pdf lost.pdf";
     assert_eq!(analyse(folder, asked), ok());
+    // A title whose letters a PDF lacks.
+    fs::write(folder.join("letters.toml"), format!("title = \"\u{5d0}\"\n{GONE}")).unwrap();
+    let (code, text) = analyse(folder, "sky --proposal letters.toml --out letters.tif --pdf letters.pdf");
+    assert!(code == Some(0) && text.contains("has ? in place of"), "{code:?} {text}");
     let lost = rows(&folder.join("lost.csv"));
     let mean = |name: &str, column: usize| -> Option<f64> {
         lost.iter().find(|row| row[1] == name).unwrap()[column].parse().ok()

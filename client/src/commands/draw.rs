@@ -25,7 +25,7 @@ use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
     error::DrawStep,
-    file::{DrawingFormat, PdfLetters, pdf_letters, write_drawing},
+    file::{DrawingFormat, pdf_letters, write_drawing},
     sheet::Paper,
     style::Stylesheet,
     view::DrawView,
@@ -142,13 +142,7 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
         eprintln!("note: {nodes} of the city without a mesh: drawn from columns");
     }
     if DrawingFormat::of(&args.out).is_ok_and(|format| format == DrawingFormat::Pdf) {
-        let PdfLetters { lost, of_reader } = pdf_letters(drawing);
-        if !lost.is_empty() {
-            eprintln!("warning: the .pdf has ? in place of {}; a .svg has all letters", printable(&lost));
-        }
-        if !of_reader.is_empty() {
-            eprintln!("note: readers of the .pdf need a font with {}", printable(&of_reader));
-        }
+        pdf_letters(drawing).messages("; a .svg has all letters").iter().for_each(|message| eprintln!("{message}"));
     }
     if args.bare && !drawing.attribution.is_empty() {
         eprintln!("note: name the source beside the drawing: {}", printable(&drawing.attribution));

@@ -5,6 +5,7 @@
 
 use super::pt;
 use epaint_default_fonts::UBUNTU_LIGHT;
+use insula_protocol::text::printable;
 use pdf_writer::{
     Content, Name, Pdf, Rect, Ref, Str, TextStr,
     types::{CidFontType, FontFlags, SystemInfo},
@@ -55,6 +56,19 @@ pub struct PdfLetters {
     pub lost: String,
     /// The reader needs a font for them.
     pub of_reader: String,
+}
+
+impl PdfLetters {
+    /// What to tell people of them, a line each. `advice` says what helps against letters that are lost, or is empty.
+    #[must_use]
+    pub fn messages(&self, advice: &str) -> Vec<String> {
+        let Self { lost, of_reader } = self;
+        let lost =
+            (!lost.is_empty()).then(|| format!("warning: the .pdf has ? in place of {}{advice}", printable(lost)));
+        let of_reader = (!of_reader.is_empty())
+            .then(|| format!("note: readers of the .pdf need a font with {}", printable(of_reader)));
+        lost.into_iter().chain(of_reader).collect()
+    }
 }
 
 /// The fonts of the texts of a drawing.
@@ -363,6 +377,9 @@ mod tests {
         assert_eq!(encoded((true, "\u{6771}")), [0x67, 0x71]);
         let letters = letters_of(["\u{6771}\u{4eac} \u{5d0}"].into_iter());
         assert_eq!((letters.lost.as_str(), letters.of_reader.as_str()), ("\u{5d0}", "\u{6771}\u{4eac}"));
+        let messages = letters.messages("; write it in others");
+        assert_eq!((messages.len(), PdfLetters::default().messages("")), (2, Vec::new()));
+        assert!(messages[0].contains('?') && messages[0].ends_with("in others") && messages[1].contains("a font"));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::{
 use insula_analysis::surface::CitySurface;
 use insula_draw::{
     DrawLimits, DrawRequest, draw,
-    file::{DrawingFormat, write_drawing},
+    file::{DrawingFormat, pdf_letters, write_drawing},
     picture::{ValuePicture, lay, outline},
     sheet::Paper,
     style::Stylesheet,
@@ -55,6 +55,7 @@ pub(super) fn write(
     let notes: Vec<String> = answer.notes.iter().cloned().chain(what_is_added).collect();
     lay(&mut drawing, picture, &colors.legend(), &notes);
     write_drawing(&drawing, DrawingFormat::Pdf, out).map_err(|error| failed(&error))?;
+    pdf_letters(&drawing).messages("").iter().for_each(|message| eprintln!("{message}"));
     Ok(())
 }
 
