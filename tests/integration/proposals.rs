@@ -94,7 +94,7 @@ fn blocks_are_seen_and_removed_buildings_are_not() {
 
     let (code, text) = snapshot(folder, "tower", " --proposal tower.toml");
     assert_eq!(code, Some(0), "{text}");
-    assert_eq!(number(folder, "tower", "tower"), Some(FIRST_ADDED));
+    assert_eq!(number(folder, "tower", "tower.geojson"), Some(FIRST_ADDED));
     let tower = objects(folder, "tower");
     let is_tower = |pixel: usize| tower[pixel] == FIRST_ADDED;
     assert!(count(&tower, FIRST_ADDED) > 100 && count(&tower, house) > 100);
@@ -133,7 +133,7 @@ fn models_stand_at_their_places() {
     fs::write(folder.join("kiosk.toml"), "[[add]]\nfile = \"kiosk.obj\"\nplace = [4.36783, 52.00686]\n").unwrap();
     let (code, text) = snapshot(folder, "kiosk", " --proposal kiosk.toml");
     assert_eq!(code, Some(0), "{text}");
-    assert_eq!(number(folder, "kiosk", "kiosk"), Some(FIRST_ADDED));
+    assert_eq!(number(folder, "kiosk", "kiosk.obj"), Some(FIRST_ADDED));
 }
 
 fn proposals_that_do_not_fit_are_refused() {

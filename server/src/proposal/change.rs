@@ -235,9 +235,9 @@ impl AddedShape {
     }
 }
 
-/// A file's name without its end.
+/// A file's name with its end: a model has one of the same name in another format beside it.
 fn name_of(file: &Path) -> String {
-    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The rectangle around places; `None` without any.

@@ -26,7 +26,7 @@ pub struct ProposedObjects {
 /// A model or a block.
 #[derive(Debug, Clone)]
 pub struct ProposedObject {
-    /// Name of its file, without the end.
+    /// Name of its file.
     pub name: String,
     /// World metres.
     pub triangles: Vec<[[f64; 3]; 3]>,
