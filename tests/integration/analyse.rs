@@ -330,11 +330,11 @@ fn proposals_say_what_they_change() {
     let folder = folder.path();
     fs::write(folder.join("rule.toml"), RULE).unwrap();
     // A tower of 60 m south of the house, whose northern shed goes.
-    let outline = serde_json::json!({
-        "type": "Polygon",
-        "coordinates": [[[85_005, 446_970], [85_015, 446_970], [85_015, 446_980], [85_005, 446_980], [85_005, 446_970]]],
-    });
-    fs::write(folder.join("tower.geojson"), outline.to_string()).unwrap();
+    for (name, [x, y]) in [("tower", [85_005, 446_970]), ("away", [89_005, 446_970])] {
+        let ring = [[x, y], [x + 10, y], [x + 10, y + 10], [x, y + 10], [x, y]];
+        let outline = serde_json::json!({ "type": "Polygon", "coordinates": [ring] });
+        fs::write(folder.join(format!("{name}.geojson")), outline.to_string()).unwrap();
+    }
     let proposal =
         "title = \"Tower\"\n[[add]]\noutline = \"tower.geojson\"\nheight_m = 60\n[[remove]]\nids = [\"feature 3\"]\n";
     fs::write(folder.join("tower.toml"), proposal).unwrap();
@@ -386,6 +386,8 @@ fn proposals_say_what_they_change() {
         ("[[add]]\nfile = \"roof.obj\"\nplace = [4.3, 52, 3]\n", "[longitude, latitude]"),
         ("[[add]]\nfile = \"houses.geojson\"\nplace = [4.4, 52.1]\n", "leave place out"),
         ("[[remove]]\nfilter = \"height > 300\"\n", "no building passes"),
+        ("[[add]]\noutline = \"away.geojson\"\nheight_m = 9\n", "away.geojson lies outside of the city"),
+        ("[[remove]]\npolygon = \"away.geojson\"\n", "away.geojson lies outside of the city"),
         ("[[remove]]\nids = [\"nobody\"]\n", "nobody"),
         ("[[remove]]\n", "ids, a filter or a polygon"),
         ("height = 3\n", "unknown field"),

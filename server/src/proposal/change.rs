@@ -56,7 +56,7 @@ enum Base {
 }
 
 impl Proposal {
-    /// Reads the models, outlines and filters. Fails if one cannot be read, or has no place in the city.
+    /// Reads the models, outlines and filters. Fails if one cannot be read, or lies outside of the city.
     pub fn change(
         &self,
         source: &dyn ExportSource,
@@ -65,6 +65,10 @@ impl Proposal {
         let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
         let polygons =
             |file: &Path| read_polygons(&self.beside(file), city, place).map_err(|reason| self.wrong(&reason));
+        let inside = |file: &Path, places: Vec<[f64; 2]>| match around(places.into_iter()) {
+            Some([low, high]) if (0..2).all(|k| low[k] <= city[1][k] && city[0][k] <= high[k]) => Ok(()),
+            _ => Err(self.wrong(&format!("{} lies outside of the city: check its place", name_of(file)))),
+        };
         let mut change = ProposedChange {
             added: Vec::new(),
             ids: BTreeSet::new(),
@@ -73,11 +77,14 @@ impl Proposal {
         };
         for added in &self.add {
             if let Some(file) = &added.file {
-                change.added.push(self.model(added, &self.beside(file), source, place)?);
+                let model = self.model(added, &self.beside(file), source, place)?;
+                inside(file, model.places())?;
+                change.added.push(model);
             }
             let Some(file) = &added.outline else { continue };
             let height_m = added.height_m.unwrap_or(0.0);
             for outline in polygons(file)? {
+                inside(file, outline.concat())?;
                 let addition = Addition::Block { outline, top_m: added.base_m.unwrap_or(0.0) + height_m };
                 let base = if added.base_m.is_some() { Base::Known } else { Base::Along };
                 change.added.push(AddedShape { name: name_of(file), addition, base, height_m });
@@ -91,7 +98,9 @@ impl Proposal {
                 change.numbers |= passing(source, &filter).map_err(|error| self.wrong(&error.to_string()))?;
             }
             if let Some(file) = &removed.polygon {
-                change.areas.extend(polygons(file)?);
+                let areas = polygons(file)?;
+                inside(file, areas.iter().flatten().flatten().copied().collect())?;
+                change.areas.extend(areas);
             }
         }
         Ok(change)

@@ -33,14 +33,8 @@ pub struct ProposedObject {
 }
 
 impl ProposedChange {
-    /// What viewers show of the change. Fails if something is added outside of the city, if a building that is removed is not there, or if
-    /// the city cannot be read.
+    /// What viewers show of the change. Fails if a building that is removed is not there, or if the city cannot be read.
     pub fn objects(&self, proposal: &Proposal, source: &dyn ExportSource) -> Result<ProposedObjects, ProposalError> {
-        let [low, high] = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-        let is_in_city = |[x, y]: &[f64; 2]| (low[0]..=high[0]).contains(x) && (low[1]..=high[1]).contains(y);
-        if let Some(shape) = self.added.iter().find(|shape| !shape.places().iter().any(is_in_city)) {
-            return Err(proposal.wrong(&format!("{} lies outside of the city: check its place", shape.name)));
-        }
         let removed = self.removed_objects(proposal, source)?;
         if self.added.is_empty() && removed.is_empty() {
             return Err(proposal.wrong(NOTHING_REMOVED));

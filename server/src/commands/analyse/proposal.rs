@@ -51,7 +51,7 @@ pub(super) struct AfterProposal<'a> {
 }
 
 impl<'a> AfterProposal<'a> {
-    /// Fails if something is added outside of the city, if a building that is removed is not there, or if the city cannot be read.
+    /// Fails if a building that is removed is not there, or if the city cannot be read.
     pub(super) fn new(
         proposal: &'a Proposal,
         change: &'a ProposedChange,
