@@ -57,6 +57,12 @@ impl AddTable {
     fn check(&self) -> Result<(), &'static str> {
         let Self { file, place, heading_deg, outline, height_m, base_m } = self;
         let is_height = |height: &f64| (0.1..=2000.0).contains(height);
+        if base_m.is_some_and(|base| !(-1000.0..=10_000.0).contains(&base)) {
+            return Err("base_m is metres above sea level, from -1000 to 10000");
+        }
+        if !(-360.0..=360.0).contains(heading_deg) {
+            return Err("heading_deg is degrees clockwise from north, from -360 to 360");
+        }
         match (file, outline) {
             (Some(_), None) if height_m.is_some() => Err("height_m is of an outline: a file has its own height"),
             (Some(_), None) if place.is_none() && (base_m.is_some() || *heading_deg != 0.0) => {
@@ -156,6 +162,9 @@ mod tests {
             ("[[add]]\n", "a file or an outline"),
             ("[[add]]\nfile = \"a.obj\"\nheight_m = 3\n", "its own height"),
             ("[[remove]]\n", "ids, a filter or a polygon"),
+            ("[[add]]\noutline = \"a.geojson\"\nheight_m = 9\nbase_m = 1e5\n", "above sea level"),
+            ("[[add]]\noutline = \"a.geojson\"\nheight_m = 9\nbase_m = nan\n", "above sea level"),
+            ("[[add]]\nfile = \"a.obj\"\nplace = [4, 52]\nheading_deg = inf\n", "clockwise"),
         ] {
             let error = read(wrong).unwrap_err();
             assert!(error.contains(expected) && error.contains("plan.toml"), "{error}");
