@@ -325,6 +325,23 @@ fn shadows_of_proposals_come_and_go(folder: &Path) {
     }
 }
 
+/// What lies below the ground or high above it has a note, which is not said where the proposal is wrong.
+fn odd_heights_of_proposals_have_notes(folder: &Path) {
+    let block = |base_m: i32| format!("[[add]]\noutline = \"tower.geojson\"\nheight_m = 9\nbase_m = {base_m}\n");
+    let (deep, high) = (block(-500), block(500));
+    fs::write(folder.join("odd.toml"), format!("{deep}{high}")).unwrap();
+    let at_points = "sun --rule rule.toml --points points.csv --out odd.csv";
+    for line in ["sky --out odd.tif", at_points] {
+        let (code, text) = analyse(folder, &format!("{line} --proposal odd.toml"));
+        let has =
+            |words: &str| text.lines().any(|line| line.starts_with("note: tower.geojson") && line.contains(words));
+        assert!(code == Some(0) && has("below the ground") && has("above all that is below it"), "{code:?} {text}");
+    }
+    fs::write(folder.join("odd.toml"), format!("{high}{GONE}[[remove]]\nids = [\"nobody\"]\n")).unwrap();
+    let (code, text) = analyse(folder, "sky --out odd.tif --proposal odd.toml");
+    assert!(code == Some(2) && text.lines().count() == 1, "{code:?} {text}");
+}
+
 fn proposals_say_what_they_change() {
     let folder = baked_city();
     let folder = folder.path();
@@ -378,6 +395,7 @@ fn proposals_say_what_they_change() {
     assert_eq!(visible, ["yes", "no"]);
     views_take_proposals(folder);
     shadows_of_proposals_come_and_go(folder);
+    odd_heights_of_proposals_have_notes(folder);
     for (text, expected) in [
         ("[[add]]\nfile = \"none.obj\"\n", "none.obj"),
         ("[[add]]\noutline = \"tower.geojson\"\n", "height_m"),

@@ -208,6 +208,14 @@ impl CitySurface {
         Some(self.base_m + f64::from(self.top(nearest.1 * width + nearest.0)))
     }
 
+    /// World height of the top at a place; `None` where nothing was baked.
+    #[must_use]
+    pub fn top_at(&self, place: [f64; 2]) -> Option<f64> {
+        let [x, y] = self.cell_at(place)?;
+        let top = self.top(y * self.size()[0] + x);
+        top.is_finite().then(|| self.base_m + f64::from(top))
+    }
+
     /// The surface with other, level tops of some cells, as metres above the base, and what they belong to.
     pub(crate) fn changed(&self, changes: &BTreeMap<usize, (f32, TopKind)>) -> Self {
         let mut surface = self.clone();

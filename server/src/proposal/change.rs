@@ -12,6 +12,7 @@ use insula_export::{
     source::ExportSource,
 };
 use insula_objects::filter::Filter;
+use insula_protocol::text::printable;
 use roaring::RoaringBitmap;
 use std::{collections::BTreeSet, path::Path};
 
@@ -19,6 +20,8 @@ use std::{collections::BTreeSet, path::Path};
 const FAR_M: f64 = 2000.0;
 /// How far around what is added ground is looked for, where objects are removed.
 const AROUND_GROUND_M: f64 = 50.0;
+/// What is so far above all below it has a wrong height, as one in feet.
+const FAR_ABOVE_M: f64 = 100.0;
 pub(super) const NOTHING_REMOVED: &str =
     "it changes nothing: no building passes its filters, and nothing stands in its polygons";
 
@@ -42,6 +45,8 @@ pub(super) struct AddedShape {
     base: Base,
     /// Of a block: from its base to its top. 0 for a model.
     pub(super) height_m: f64,
+    /// What reading its file says to people.
+    warnings: Vec<String>,
 }
 
 /// What an addition stands on.
@@ -87,7 +92,7 @@ impl Proposal {
                 inside(file, outline.concat())?;
                 let addition = Addition::Block { outline, top_m: added.base_m.unwrap_or(0.0) + height_m };
                 let base = if added.base_m.is_some() { Base::Known } else { Base::Along };
-                change.added.push(AddedShape { name: name_of(file), addition, base, height_m });
+                change.added.push(AddedShape { name: name_of(file), addition, base, height_m, warnings: Vec::new() });
             }
         }
         for removed in &self.remove {
@@ -126,9 +131,9 @@ impl Proposal {
         let at = degrees.map(|[lon, lat]| [lon, lat, added.base_m.unwrap_or(0.0)]);
         let placing = PlacingOptions { crs: source.manifest().crs.clone(), at, ..PlacingOptions::default() };
         let options = ReadOptions { placing, ..ReadOptions::default() };
-        let (scene, report) =
-            read::read(&[file.to_owned()], &options, &|_| ()).map_err(|error| self.wrong(&error.to_string()))?;
-        report.warnings().for_each(|warning| eprintln!("warning: {warning}"));
+        let (scene, report) = read::read(&[file.to_owned()], &options, &|_| ())
+            .map_err(|error| self.wrong(&without_options(&error.to_string())))?;
+        let warnings = report.warnings().map(|warning| format!("warning: {}", without_options(&warning))).collect();
         let (sin, cos) = (-added.heading_deg.to_radians()).sin_cos();
         let turned = |corner: [f32; 3]| {
             let corner: [f64; 3] = std::array::from_fn(|k| scene.origin[k] + f64::from(corner[k]));
@@ -153,7 +158,7 @@ impl Proposal {
             None if lies_at_zero => Base::Along,
             _ => Base::Known,
         };
-        Ok(AddedShape { name: name_of(file), addition: Addition::Model(triangles), base, height_m: 0.0 })
+        Ok(AddedShape { name: name_of(file), addition: Addition::Model(triangles), base, height_m: 0.0, warnings })
     }
 }
 
@@ -174,14 +179,41 @@ impl ProposedChange {
             return Err(proposal.wrong(&format!("there is no building {id} in the city, or in the area of --bbox")));
         }
         let cleared = self.cleared(surface);
-        let after = cleared.with_additions(&self.additions(proposal, &cleared)?);
+        let additions = self.additions(proposal, &cleared)?;
+        let after = cleared.with_additions(&additions);
         if after.changes_from(surface).is_none() {
             return Err(proposal.wrong(match self.added.is_empty() {
                 true => NOTHING_REMOVED,
                 false => "it changes nothing: the additions lie below existing objects, or outside the area",
             }));
         }
+        self.say(&self.odd_heights(&additions, &cleared));
         Ok(after)
+    }
+
+    /// Says what people should know of what is added, when nothing is wrong with it.
+    pub(super) fn say(&self, notes: &[String]) {
+        let warnings = self.added.iter().flat_map(|shape| &shape.warnings);
+        warnings.chain(notes).for_each(|line| eprintln!("{}", printable(line)));
+    }
+
+    /// What stands below the ground of a surface, or far above all that is below it.
+    fn odd_heights(&self, additions: &[Addition], surface: &CitySurface) -> Vec<String> {
+        let note = |(shape, addition): (&AddedShape, &Addition)| {
+            let [low, high] = shape.heights(addition)?;
+            let places = shape.places();
+            let ground = places.iter().filter_map(|place| surface.ground_at(*place)).reduce(f64::min);
+            let top = places.iter().filter_map(|place| surface.top_at(*place)).reduce(f64::max);
+            let what = match (ground, top) {
+                (Some(ground), _) if high < ground => format!("lies {:.1} m below the ground", ground - high),
+                (_, Some(top)) if low > top + FAR_ABOVE_M => {
+                    format!("is {:.0} m above all that is below it", low - top)
+                }
+                _ => return None,
+            };
+            Some(format!("note: {} {what}: check base_m, or the heights of its file", shape.name))
+        };
+        self.added.iter().zip(additions).filter_map(note).collect()
     }
 
     /// The surface without what is removed.
@@ -208,19 +240,29 @@ impl ProposedChange {
         self.added.iter().map(on_ground).collect()
     }
 
-    /// The same, on the ground of a city after the change. Fails if an addition has no ground below it, or if tiles cannot be read.
+    /// The same, on the ground of a city after the change, and what stands oddly on it. Fails if an addition has no ground below it, or if
+    /// tiles cannot be read.
     pub(super) fn additions_in(
         &self,
         proposal: &Proposal,
         source: &dyn ExportSource,
-    ) -> Result<Vec<Addition>, ProposalError> {
-        let on_ground = self.added.iter().filter(|shape| shape.base != Base::Known);
-        let Some([low, high]) = around(on_ground.flat_map(AddedShape::places)) else {
-            return Ok(self.added.iter().map(|shape| shape.raised(0.0)).collect());
+    ) -> Result<(Vec<Addition>, Vec<String>), ProposalError> {
+        let cleared = |[low, high]: [[f64; 2]; 2]| {
+            let area = [low.map(|v| v - AROUND_GROUND_M), high.map(|v| v + AROUND_GROUND_M)];
+            CitySurface::read(source, Some(area)).map(|surface| self.cleared(&surface))
         };
-        let area = [low.map(|v| v - AROUND_GROUND_M), high.map(|v| v + AROUND_GROUND_M)];
-        let surface = CitySurface::read(source, Some(area)).map_err(|error| proposal.wrong(&error.to_string()))?;
-        self.additions(proposal, &self.cleared(&surface))
+        let on_ground = self.added.iter().filter(|shape| shape.base != Base::Known);
+        if let Some(area) = around(on_ground.flat_map(AddedShape::places)) {
+            let cleared = cleared(area).map_err(|error| proposal.wrong(&error.to_string()))?;
+            let additions = self.additions(proposal, &cleared)?;
+            let notes = self.odd_heights(&additions, &cleared);
+            return Ok((additions, notes));
+        }
+        let additions: Vec<Addition> = self.added.iter().map(|shape| shape.raised(0.0)).collect();
+        // Nothing needs the ground: where it cannot be read, there are no notes.
+        let cleared = around(self.added.iter().flat_map(AddedShape::places)).and_then(|area| cleared(area).ok());
+        let notes = cleared.map(|cleared| self.odd_heights(&additions, &cleared)).unwrap_or_default();
+        Ok((additions, notes))
     }
 }
 
@@ -230,6 +272,17 @@ impl AddedShape {
         match &self.addition {
             Addition::Model(triangles) => triangles.iter().flatten().map(|[x, y, _]| [*x, *y]).collect(),
             Addition::Block { outline, .. } => outline.concat(),
+        }
+    }
+
+    /// The lowest and the highest, of this where it stands; `None` without any.
+    fn heights(&self, standing: &Addition) -> Option<[f64; 2]> {
+        match standing {
+            Addition::Block { top_m, .. } => Some([top_m - self.height_m, *top_m]),
+            Addition::Model(triangles) => {
+                let heights = || triangles.iter().flatten().map(|[_, _, z]| *z);
+                Some([heights().reduce(f64::min)?, heights().reduce(f64::max)?])
+            }
         }
     }
 
@@ -256,4 +309,55 @@ fn around(places: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
         [[0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k]))]
     });
     (bounds[0][0] <= bounds[1][0]).then_some(bounds)
+}
+
+/// What a bake says of a file, whose advice is of options that proposals lack.
+fn without_options(text: &str) -> String {
+    let text = text.replace("(--crs)", "(the city's)");
+    let mut clauses = text.split("; ");
+    let first = clauses.next().unwrap_or_default().to_owned();
+    let own = |clause: &str| {
+        let ways: Vec<&str> = clause.split(", or ").filter(|way| !way.contains("--")).collect();
+        match () {
+            () if !ways.is_empty() => Some(ways.join(", or ")),
+            () if clause.contains("--height-field") => Some("give them in metres as the attribute height".to_owned()),
+            () if clause.contains("--crs") => {
+                Some("write them in the city's coordinate system, or give a place".to_owned())
+            }
+            () => None,
+        }
+    };
+    [first].into_iter().chain(clauses.filter_map(own)).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advice_is_of_what_proposals_have() {
+        for (said, expected) in [
+            (
+                "a--b.geojson: 3 of 3 heights of buildings are guessed; attributes with numbers: h; name the one that has the heights with \
+                 --height-field",
+                "a--b.geojson: 3 of 3 heights of buildings are guessed; attributes with numbers: h; give them in metres as the attribute \
+                 height",
+            ),
+            (
+                "a.obj: coordinates such as 1, 2 are taken as metres of an unknown place; give their system with --crs",
+                "a.obj: coordinates such as 1, 2 are taken as metres of an unknown place; write them in the city's coordinate system, or give a place",
+            ),
+            (
+                "a.obj: coordinates are taken in EPSG:28992 (--crs)",
+                "a.obj: coordinates are taken in EPSG:28992 (the city's)",
+            ),
+            (
+                "a.gml: not known; reproject the file with ogr2ogr -t_srs EPSG:..., or give its system with --crs",
+                "a.gml: not known; reproject the file with ogr2ogr -t_srs EPSG:...",
+            ),
+            ("a.gml: too large; split the file", "a.gml: too large; split the file"),
+        ] {
+            assert_eq!(without_options(said), expected);
+        }
+    }
 }

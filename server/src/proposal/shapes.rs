@@ -39,8 +39,9 @@ impl ProposedChange {
         if self.added.is_empty() && removed.is_empty() {
             return Err(proposal.wrong(NOTHING_REMOVED));
         }
+        let (additions, notes) = self.additions_in(proposal, source)?;
         let mut added = Vec::with_capacity(self.added.len());
-        for (shape, addition) in self.added.iter().zip(self.additions_in(proposal, source)?) {
+        for (shape, addition) in self.added.iter().zip(additions) {
             let triangles = match addition {
                 Addition::Model(triangles) => triangles,
                 Addition::Block { outline, top_m } => block(&outline, [top_m - shape.height_m, top_m])
@@ -48,6 +49,7 @@ impl ProposedChange {
             };
             added.push(ProposedObject { name: shape.name.clone(), triangles });
         }
+        self.say(&notes);
         Ok(ProposedObjects { added, removed })
     }
 
