@@ -173,7 +173,10 @@ fn text(
     lines.extend(answer.notes.iter().map(|note| printable(note).to_string()));
     let parts = values.map(|city| [("roofs", &city.roofs), ("walls", &city.walls), ("ground", &city.ground)]);
     for (name, part) in parts.into_iter().flatten() {
-        lines.extend(summary(args.what, answer.column, part, answer.asked).map(|summary| format!("{name}: {summary}")));
+        lines.extend(match answer.is_change {
+            true => change_summary(args.what, answer.column, name, part),
+            false => summary(args.what, answer.column, part, answer.asked).map(|summary| format!("{name}: {summary}")),
+        });
     }
     if !attribution.is_empty() {
         lines.push(format!("name the source wherever this is shown: {}", printable(attribution)));
@@ -208,4 +211,40 @@ pub(super) fn summary(what: Analysis, unit: &str, values: &PlaceValues, asked: O
         Analysis::Shadow => format!("{} in shadow", percent(mean)),
         Analysis::View => format!("{} seen", percent(mean)),
     })
+}
+
+/// The changes of one kind of place in words; `None` without a value.
+fn change_summary(what: Analysis, unit: &str, name: &str, values: &PlaceValues) -> Option<String> {
+    let what_is = match what {
+        Analysis::Shadow => "in shadow",
+        Analysis::View => "visible",
+        _ => return summary(what, unit, values, None).map(|summary| format!("{name}: change {summary}")),
+    };
+    let percent = fixed(values.mean()?.abs() * 100.0, 1);
+    Some(match values.mean()? {
+        _ if percent == "0.0" => format!("as much of the {name} {what_is} as before"),
+        mean if mean < 0.0 => format!("{percent}% less of the {name} {what_is}"),
+        _ => format!("{percent}% more of the {name} {what_is}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_more_or_less() {
+        let words = |what, changes: &[f32]| {
+            let mut values = PlaceValues::default();
+            changes.iter().for_each(|change| values.add(*change, None));
+            change_summary(what, "h", "ground", &values)
+        };
+        let some = |text: &str| Some(text.to_owned());
+        assert_eq!(words(Analysis::Shadow, &[-1.0, 0.0, 0.0, 0.0]), some("25.0% less of the ground in shadow"));
+        assert_eq!(words(Analysis::View, &[1.0, 0.0]), some("50.0% more of the ground visible"));
+        assert_eq!(words(Analysis::Shadow, &[1.0, -1.0]), some("as much of the ground in shadow as before"));
+        assert_eq!(words(Analysis::View, &[]), None);
+        let of_sun = some("ground: change -0.50 h of sun on average, -1.00 to 0.00");
+        assert_eq!(words(Analysis::Sun, &[-1.0, 0.0]), of_sun);
+    }
 }

@@ -48,7 +48,7 @@ pub(super) fn view(
     let target_m = args.target_height.unwrap_or(0.0);
     let seen = seen_from(surface, eye, target_m, f64::INFINITY).ok_or_else(beyond)?;
     let note = format!("the eye is {height} m above the ground or roof there, {:.1} m above sea level", eye[2]);
-    Ok(Answer { notes: vec![note], ..Answer::of_places(surface, &seen, "seen".to_owned()) })
+    Ok(Answer { notes: vec![note], ..Answer::of_places(surface, &seen, "visibility".to_owned()) })
 }
 
 /// From where a planned building is seen.
@@ -70,7 +70,7 @@ fn view_of(
         .ok_or_else(|| wrong("no part of it is on ground that was baked"))?;
     let value = |(index, share)| if surface.is_known(index) { share } else { f32::NAN };
     let tops = share.into_iter().enumerate().map(value).collect();
-    let title = format!("share that is seen of a building of {height} m");
+    let title = format!("visible share of a building of {height} m");
     let note = format!("the building is {height} m high; eyes are {eye_m} m above ground or roof");
     Ok(Answer { tops, title, notes: vec![note], ..Answer::of_places(surface, &[], String::new()) })
 }
