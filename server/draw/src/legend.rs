@@ -25,6 +25,12 @@ fn rectangle([x, y]: [f64; 2], [width, height]: [f64; 2]) -> Vec<[f64; 2]> {
     vec![[x, y], [x + width, y], [x + width, y + height], [x, y + height]]
 }
 
+fn frame_of(corner: [f64; 2], size: [f64; 2]) -> SheetItem {
+    let mut points = rectangle(corner, size);
+    points.push(corner);
+    SheetItem::Line { points, width_mm: 0.18 }
+}
+
 fn text(at: [f64; 2], size_mm: f64, anchor: TextAnchor, text: &str) -> SheetItem {
     let is_long = text.chars().count() > MAX_LABEL;
     let shown = text.chars().take(if is_long { MAX_LABEL - 3 } else { MAX_LABEL });
@@ -62,10 +68,8 @@ pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem>
         2.0 * PADDING_MM + TITLE_MM + 2.0 + ramp_height + ROW_MM * rows.len() as f64,
     ];
     let corner = [frame.min[0] + PADDING_MM, frame.max[1] - PADDING_MM - size[1]];
-    let mut items = vec![SheetItem::Swatch { points: rectangle(corner, size), color: [255; 3] }];
-    let mut outline = rectangle(corner, size);
-    outline.push(corner);
-    items.push(SheetItem::Line { points: outline, width_mm: 0.18 });
+    let mut items =
+        vec![SheetItem::Swatch { points: rectangle(corner, size), color: [255; 3] }, frame_of(corner, size)];
     let left = corner[0] + PADDING_MM;
     let mut y = corner[1] + size[1] - PADDING_MM - TITLE_MM;
     items.push(text([left, y], TITLE_MM, TextAnchor::Start, &title));
@@ -91,7 +95,12 @@ pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem>
     }
     for entry in rows {
         y -= ROW_MM;
-        items.push(SheetItem::Swatch { points: rectangle([left, y + 0.6], SWATCH_MM), color: entry.rgb });
+        let at = [left, y + 0.6];
+        items.push(SheetItem::Swatch { points: rectangle(at, SWATCH_MM), color: entry.rgb });
+        // White on white.
+        if entry.rgb == [255; 3] {
+            items.push(frame_of(at, SWATCH_MM));
+        }
         items.push(text([left + SWATCH_MM[0] + 2.0, y + 1.2], TEXT_MM, TextAnchor::Start, &entry.label));
     }
     items
@@ -115,10 +124,8 @@ pub(crate) fn note_items(notes: &[String], frame: &PaperRect) -> Vec<SheetItem> 
         lines.len() as f64 * ROW_MM + 2.0 * PADDING_MM - (ROW_MM - TEXT_MM),
     ];
     let corner = [0, 1].map(|k| frame.min[k] + PADDING_MM);
-    let mut outline = rectangle(corner, size);
-    let mut items = vec![SheetItem::Swatch { points: outline.clone(), color: [255; 3] }];
-    outline.push(corner);
-    items.push(SheetItem::Line { points: outline, width_mm: 0.18 });
+    let mut items =
+        vec![SheetItem::Swatch { points: rectangle(corner, size), color: [255; 3] }, frame_of(corner, size)];
     items.extend(lines.iter().enumerate().map(|(i, line)| SheetItem::Text {
         at: [corner[0] + PADDING_MM, corner[1] + size[1] - PADDING_MM - TEXT_MM - ROW_MM * i as f64],
         size_mm: TEXT_MM,
@@ -197,6 +204,17 @@ mod tests {
                 assert!(swatches.len() > 3 && swatches.len() <= count.min(20) + 1);
             }
         }
+    }
+
+    #[test]
+    fn white_has_a_frame() {
+        let frames = |rgb: [u8; 3]| {
+            let entries = vec![LegendEntry { rgb, label: "no value".into() }];
+            let legend = Legend { title: String::new(), titles: Default::default(), unit: None, entries, ramp: None };
+            let items = legend_items(&legend, &PaperRect { min: [0.0; 2], max: [200.0; 2] });
+            items.iter().filter(|item| matches!(item, SheetItem::Line { .. })).count()
+        };
+        assert_eq!([frames([200; 3]), frames([255; 3])], [1, 2]);
     }
 
     #[test]

@@ -28,6 +28,8 @@ const STOPS: [[u8; 3]; 9] = [
 const ABOVE: [[u8; 3]; 4] = [[254, 224, 144], [253, 174, 97], [244, 109, 67], [165, 0, 38]];
 /// From less over as much as before to more.
 const CHANGES: [[u8; 3]; 5] = [[178, 24, 43], [244, 165, 130], [247, 247, 247], [146, 197, 222], [33, 102, 172]];
+/// Of paper.
+const NO_VALUE: [u8; 3] = [255; 3];
 const SHADOW: [u8; 3] = [60, 60, 110];
 const SEEN: [u8; 3] = [240, 120, 20];
 
@@ -102,7 +104,8 @@ impl Colors {
     pub(crate) fn of_value(&self, value: f32) -> ([u8; 3], u8) {
         let first = self.stops.first().copied().unwrap_or_default();
         match self.range {
-            _ if value.is_nan() => (first, 0),
+            // Pictures are resampled: a colour of no meaning would be a rim where values end.
+            Some(_) if value.is_nan() => (NO_VALUE, 0),
             None => (first, if value > 0.5 { OPACITY } else { 0 }),
             Some([low, high]) => {
                 let at = ((f64::from(value) - low) / (high - low)).clamp(0.0, 1.0) * (self.stops.len() - 1) as f64;
@@ -136,7 +139,7 @@ impl Colors {
                 let label = |value: f64| format!("{}{}", sign(value), fixed(value, digits));
                 let ends =
                     [low, 0.5 * (low + high), high].map(|value| entry(self.of_value(value as f32).0, label(value)));
-                let none = LegendEntry { rgb: [255; 3], label: "no value".to_owned() };
+                let none = LegendEntry { rgb: NO_VALUE, label: "no value".to_owned() };
                 (ends.into_iter().chain([none]).collect(), Some(Ramp { range: [low, high], stops }))
             }
         };
@@ -192,14 +195,15 @@ mod tests {
     fn colours_run_from_end_to_end_and_leave_out_what_has_no_value() {
         let hours = Colors { title: String::new(), range: Some([0.0, 8.0]), stops: STOPS.to_vec(), word: "" };
         assert_eq!([0.0, 8.0, 9.0].map(|value| hours.of_value(value).0), [STOPS[0], STOPS[8], STOPS[8]]);
-        assert_eq!((hours.of_value(1.0), hours.of_value(f32::NAN).1), ((STOPS[1], OPACITY), 0));
+        assert_eq!((hours.of_value(1.0), hours.of_value(f32::NAN)), ((STOPS[1], OPACITY), (NO_VALUE, 0)));
         let labels: Vec<String> = hours.legend().entries.into_iter().map(|entry| entry.label).collect();
         assert_eq!(labels, ["0.00", "4.00", "8.00", "no value"]);
         let change = Colors { range: Some([-2.0, 2.0]), ..hours };
         let labels: Vec<String> = change.legend().entries.into_iter().map(|entry| entry.label).collect();
         assert_eq!(labels, ["<=-2.00", "0.00", ">=2.00", "no value"]);
         let seen = Colors { title: String::new(), range: None, stops: vec![SEEN], word: "seen" };
-        assert_eq!([seen.of_value(1.0).1, seen.of_value(0.0).1], [OPACITY, 0]);
+        let [is, is_not, unknown] = [1.0, 0.0, f32::NAN].map(|value| seen.of_value(value));
+        assert_eq!([is, is_not, unknown], [(SEEN, OPACITY), (SEEN, 0), (SEEN, 0)], "no rim around what is");
         assert_eq!(seen.legend().entries.len(), 1);
     }
 
