@@ -46,6 +46,11 @@ impl ShownProposal {
         self.is_shown = is_shown;
     }
 
+    /// Whether an object of the city or of the proposal is in what is shown.
+    pub(crate) fn shows(&self, object: u32) -> bool {
+        if self.is_shown { !self.removed.contains(&object) } else { object < FIRST_ADDED }
+    }
+
     /// The objects that it adds.
     pub(crate) fn objects(&self) -> AddedObjects {
         self.objects.clone()
@@ -95,7 +100,10 @@ mod tests {
         let mut styles = ObjectStyles::default();
         proposal.hide_removed(&mut styles);
         assert!(!styles.is_empty());
+        let shown = |proposal: &ShownProposal| [3, 7, FIRST_ADDED].map(|object| proposal.shows(object));
+        assert_eq!(shown(&proposal), [true, false, true]);
         proposal.set_shown(false);
+        assert_eq!(shown(&proposal), [true, true, false]);
         proposal.hide_removed(&mut styles);
         assert!(styles.is_empty() && !proposal.is_shown());
     }

@@ -104,7 +104,7 @@ impl CityView {
 
     fn toggle_proposal(&mut self) {
         match self.session.proposal().map(ShownProposal::is_shown) {
-            Some(is_shown) => self.session.show_proposal(!is_shown),
+            Some(is_shown) => self.show_proposal(!is_shown),
             None => self.show_message("there is no proposal: open one by insula view --proposal".to_owned()),
         }
     }

@@ -111,6 +111,15 @@ impl ObjectPanel {
         }
     }
 
+    /// Selects only what is to be kept, of what is selected.
+    pub(super) fn retain(&mut self, is_kept: impl Fn(u32) -> bool) {
+        self.generation += 1;
+        self.selected.retain(|id| is_kept(*id));
+        self.found.retain(|found| is_kept(found.id));
+        self.to_visit = self.to_visit.filter(|id| is_kept(*id));
+        self.hovered = self.hovered.filter(|id| is_kept(*id));
+    }
+
     /// Selects nothing.
     pub(super) fn clear(&mut self) {
         self.generation += 1;
@@ -270,6 +279,9 @@ mod tests {
         assert_eq!(*panel.selected(), BTreeSet::from([5]));
         panel.click(Some(9), false);
         assert_eq!(*panel.selected(), BTreeSet::from([9]));
+        panel.click(Some(2), true);
+        panel.retain(|id| id == 2);
+        assert_eq!(*panel.selected(), BTreeSet::from([2]));
         let before = panel.generation();
         panel.click(None, false);
         assert!(panel.selected().is_empty() && panel.generation() > before);

@@ -69,6 +69,14 @@ impl CityView {
         self.set_styles(self.session.cache().styles().clone());
     }
 
+    /// Shows the city with the proposal, or as it is. What is not there then is not selected.
+    pub(super) fn show_proposal(&mut self, is_shown: bool) {
+        self.session.show_proposal(is_shown);
+        let proposal = self.session.proposal();
+        self.objects.retain(|object| proposal.is_none_or(|proposal| proposal.shows(object)));
+        self.set_styles(self.session.cache().styles().clone());
+    }
+
     /// Takes in attributes and styles that have arrived.
     pub(super) fn poll_objects(&mut self) {
         if self.session.is_settled()
