@@ -10,8 +10,7 @@ use insula_objects::{Schema, search::SearchHit};
 use insula_protocol::text::printable;
 use insula_viewer::{
     objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects},
-    source::FetchError,
-    source::TileSource,
+    source::{FetchError, TileSource, WITHOUT_OBJECTS},
 };
 use std::sync::Arc;
 
@@ -84,8 +83,9 @@ impl ObjectLookup {
     /// Fetches the schema. Fails if the city has no objects, or if they cannot be fetched.
     pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Self> {
         let place = source.location().to_owned();
+        let reason = if source.opens_objects() { "the city has no objects: bake it again" } else { WITHOUT_OBJECTS };
         let opened = http.block_on(CityObjects::open(source, origin)).map_err(|error| fetch_error(&place, &error))?;
-        let missing = || ClientError::Failed(format!("{place}: the city has no objects: bake it again"));
+        let missing = || ClientError::Failed(format!("{place}: {reason}"));
         Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)?, added: AddedObjects::default() })
     }
 
@@ -180,6 +180,30 @@ mod tests {
         fn location(&self) -> &str {
             "house"
         }
+    }
+
+    /// What a link for an area opens.
+    struct Area;
+
+    impl TileSource for Area {
+        fn tile(&self, _: TileKey) -> PendingTile<'_> {
+            Box::pin(async { Err(FetchError::Missing) })
+        }
+
+        fn opens_objects(&self) -> bool {
+            false
+        }
+
+        fn location(&self) -> &str {
+            "area"
+        }
+    }
+
+    #[test]
+    fn a_link_for_an_area_is_no_fault_of_the_bake() {
+        let http = Arc::new(Http::new(None).unwrap());
+        let error = ObjectLookup::open(&http, Arc::new(Area), [0.0; 3]).unwrap_err().to_string();
+        assert_eq!(error, format!("area: {WITHOUT_OBJECTS}"));
     }
 
     #[test]

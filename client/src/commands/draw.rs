@@ -46,6 +46,7 @@ use insula_protocol::{
 use insula_server::store::{CityStore, ReadTileFn, StoredCity};
 use insula_viewer::{
     camera::CameraFile,
+    source::WITHOUT_OBJECTS,
     sun::{Daylight, SunOptions},
 };
 use std::{
@@ -69,6 +70,9 @@ pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
     {
         let http = Arc::new(Http::new(None)?);
         let city = connect(&http, place, global)?;
+        if (args.filter.is_some() || args.color_by.is_some()) && !city.source.opens_objects() {
+            return Err(ClientError::Usage(WITHOUT_OBJECTS.to_owned()));
+        }
         let read = |kind, id| fetch_tile(&http, &city, kind, id);
         return draw_source(args, &city.manifest, &read);
     }

@@ -15,7 +15,7 @@ use insula_server::{
     store::StoredCity,
 };
 #[cfg(feature = "embedded")]
-use insula_viewer::additions::AddedObject;
+use insula_viewer::{additions::AddedObject, source::WITHOUT_OBJECTS};
 use std::path::{Path, PathBuf};
 
 /// The file of the option and those that it names. Fails with what is wrong in it.
@@ -58,6 +58,9 @@ pub(super) fn open(path: Option<&Path>, _: &Http, _: &mut OpenedCity) -> Result<
 fn in_city(proposal: &Proposal, http: &Http, city: &OpenedCity) -> Result<ShownProposal> {
     let read = |kind, id| fetch_tile(http, city, kind, id);
     let schema = StoredCity::read_schema(&read).map_err(|error| ClientError::Failed(error.to_string()))?;
+    if proposal.removes() && schema.objects == 0 && !city.source.opens_objects() {
+        return Err(ClientError::Usage(format!("--proposal: {WITHOUT_OBJECTS}")));
+    }
     let source = StoredCity::new(&city.manifest, &schema, &read);
     let place = city.manifest.crs.as_deref().and_then(EarthPlace::of);
     let change = proposal.change(&source, place.as_ref()).map_err(|error| wrong(&error))?;

@@ -117,6 +117,10 @@ impl TileSource for CachedCity {
         self.inner.filter(text)
     }
 
+    fn opens_objects(&self) -> bool {
+        self.inner.opens_objects()
+    }
+
     fn location(&self) -> &str {
         self.inner.location()
     }
@@ -134,6 +138,10 @@ mod tests {
     impl TileSource for Nowhere {
         fn tile(&self, _: TileKey) -> PendingTile<'_> {
             Box::pin(async { Err(FetchError::Missing) })
+        }
+
+        fn opens_objects(&self) -> bool {
+            false
         }
 
         fn location(&self) -> &str {
@@ -155,7 +163,7 @@ mod tests {
         ];
         evil.iter().for_each(|address| city(address).keep(key, &Bytes::from_static(b"evil")));
         let real = "http://h/v1/cities/test";
-        assert!(!city(real).is_local(key));
+        assert!(!city(real).is_local(key) && !city(real).opens_objects());
         city(real).keep(key, &Bytes::from_static(b"real"));
         assert!(city("HTTP://H:80/v1/cities/test").is_local(key), "the same address");
         assert_eq!(cache.read(&city(real).cache_key(key)).unwrap(), "real");

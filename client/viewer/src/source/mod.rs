@@ -39,6 +39,10 @@ pub type PendingTile<'a> = BoxFuture<'a, Result<Bytes, FetchError>>;
 /// Future of the tiles of a group, in the order of the keys that were asked for; `None` for a tile that must be fetched by itself.
 pub type PendingGroup<'a> = BoxFuture<'a, Result<Vec<Option<Bytes>>, FetchError>>;
 
+/// What to say where [`TileSource::opens_objects`] is false.
+pub const WITHOUT_OBJECTS: &str =
+    "this link opens an area without objects: ids, filters and colours need a link for the whole city";
+
 /// A source of one city's tiles.
 pub trait TileSource: Shareable {
     /// A tile's bytes, at most [`insula_archive::limits::max_tile_bytes`]. They have not been checked.
@@ -77,6 +81,11 @@ pub trait TileSource: Shareable {
     /// The objects that pass a filter; `None` if this source evaluates no filters, or not this one.
     fn filter<'a>(&'a self, _text: &'a str) -> BoxFuture<'a, Result<Option<FilteredObjects>, FetchError>> {
         Box::pin(std::future::ready(Ok(None)))
+    }
+
+    /// Whether it may have objects: a share link for an area opens none.
+    fn opens_objects(&self) -> bool {
+        true
     }
 
     /// URL or folder of the city, for messages.

@@ -9,7 +9,7 @@ use insula_protocol::{
     DecodeError, Manifest, TileGroup, TileKind, route,
     tile_group::{self, GroupMember},
 };
-use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
+use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
@@ -118,6 +118,12 @@ impl TileSource for ServerSource {
         })
     }
 
+    fn opens_objects(&self) -> bool {
+        // `s1.KEY.CITY.VERSION.EXPIRY.SCOPE.MAC`, where a scope with an area has its corners.
+        let link = percent_decode_str(&self.query).decode_utf8_lossy();
+        link.rsplit('.').nth(1).is_none_or(|scope| !scope.contains('~'))
+    }
+
     fn location(&self) -> &str {
         &self.base
     }
@@ -171,6 +177,18 @@ mod tests {
         let (asked, found) = search(Ok(r#"[{"text":"Straße 1","object":4,"typos":1}]"#));
         assert!(asked.ends_with("/search?q=Stra%C3%9Fe%20%26%201&limit=3&share=s"), "{asked}");
         assert_eq!(found.unwrap(), Some(vec![SearchHit { text: "Straße 1".into(), object: 4, typos: 1 }]));
+    }
+
+    #[test]
+    fn a_link_for_an_area_opens_no_objects() {
+        let opens_objects = |query: &str| {
+            let http = Arc::new(OneAnswer { body: Err(FetchError::Missing), asked: Mutex::default() });
+            ServerSource::new(http, "http://h:1", query, &empty_manifest(0)).opens_objects()
+        };
+        for (scope, is_whole) in [("a", true), ("r", true), ("r~0~0~5~5", false), ("a%7E-1%7E0%7E5%7E5", false)] {
+            assert_eq!(opens_objects(&format!("?share=s1.k.delft.2026~.99.{scope}.00ff")), is_whole, "{scope}");
+        }
+        assert!(opens_objects("") && opens_objects("?share=s"));
     }
 
     fn fetch_group(body: Result<Bytes, FetchError>) -> (ServerSource, Result<Vec<Option<Bytes>>, FetchError>, String) {

@@ -9,7 +9,7 @@ use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
 use insula_viewer::{
     objects::{CityObjects, ObjectState, ObjectStyles, StyledObjects},
-    source::TileSource,
+    source::{TileSource, WITHOUT_OBJECTS},
 };
 use js_sys::Promise;
 use std::{rc::Rc, sync::Arc};
@@ -104,7 +104,9 @@ impl ObjectReader {
             return Ok(objects.clone());
         }
         let found = CityObjects::open(self.source.clone(), self.origin).await.map_err(to_js)?;
-        let objects = found.ok_or_else(|| JsError::new("the city has no objects: bake it again"))?;
+        let is_whole = self.source.opens_objects();
+        let reason = if is_whole { "the city has no objects: bake it again" } else { WITHOUT_OBJECTS };
+        let objects = found.ok_or_else(|| JsError::new(reason))?;
         Ok(opened.insert(Rc::new(objects)).clone())
     }
 }
