@@ -20,7 +20,7 @@
 //! | `evidence`, `canvas` | what a point sees of the sky, as a picture |
 //! | `sight`, `vista` | lines of sight between points; what breaks into protected vistas |
 //! | `proposal` | a surface with what is added and removed, and how far values change |
-//! | `outlines` | polygons of places |
+//! | `outlines`, `footprint` | polygons of places; what a model covers on the map |
 //! | `buildings` | values of roofs and walls as a row for each building |
 
 pub mod buildings;
@@ -28,6 +28,7 @@ mod canvas;
 pub mod clock;
 pub mod evidence;
 pub mod eye;
+mod footprint;
 mod horizon;
 mod kinds;
 mod light;

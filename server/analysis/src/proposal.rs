@@ -1,6 +1,7 @@
 //! A surface with what a proposal adds to a city and removes from it, and how far values change by it.
 
 use crate::{
+    footprint::footprint,
     outlines::outlines,
     surface::{Building, CitySurface, TopKind},
     walls::WallPoint,
@@ -60,18 +61,7 @@ impl CitySurface {
             let known = tops.entry(index).or_insert(f64::NEG_INFINITY);
             *known = known.max(top_m);
         };
-        for addition in additions {
-            match addition {
-                Addition::Model(triangles) => {
-                    for triangle in triangles {
-                        self.tops_of(triangle, &mut raise);
-                    }
-                }
-                Addition::Block { outline, top_m } => {
-                    self.cells_in(outline).for_each(|index| raise(index, *top_m));
-                }
-            }
-        }
+        additions.iter().for_each(|addition| self.cells_of(addition, &mut raise));
         let changes = tops.into_iter().map(|(index, top_m)| (index, (top_m - self.base_m) as f32));
         let higher = changes.filter(|(index, top)| self.is_known(*index) && *top > self.top(*index));
         self.changed(&higher.map(|(index, top)| (index, (top, TopKind::Other))).collect())
@@ -93,25 +83,59 @@ impl CitySurface {
         })
     }
 
-    /// The borders on the map of what was added since before, of a part of its cells: closed rings in world metres.
+    /// The borders on the map of what was added since before, of a part of its cells: closed rings in world metres. They are those of the
+    /// additions where these have plain ones, all of them in the part, else of cells.
     #[must_use]
-    pub fn borders_of_added(&self, before: &Self, part: CellExtent) -> Vec<Vec<[f64; 2]>> {
+    pub fn borders_of_added(&self, before: &Self, part: CellExtent, additions: &[&Addition]) -> Vec<Vec<[f64; 2]>> {
         let extent = self.extent;
         let is_in = |index: usize| {
             let cell = [index as u32 % extent.size[0], index as u32 / extent.size[0]];
             (0..2).all(|k| (part.min[k]..part.min[k] + part.size[k]).contains(&(extent.min[k] + cell[k])))
         };
-        let added: Vec<bool> =
+        let mut added: Vec<bool> =
             (0..self.tops.values.len()).map(|index| is_in(index) && self.is_added(before, index)).collect();
+        let [low, high] = [part.min, [0, 1].map(|k| part.min[k] + part.size[k])].map(|cell| self.corner_of(cell));
+        let is_whole = |polygon: &Polygon| {
+            polygon.iter().flatten().all(|place| (0..2).all(|k| (low[k]..=high[k]).contains(&place[k])))
+        };
+        let mut borders = Vec::new();
+        for addition in additions {
+            let plain = match addition {
+                Addition::Model(triangles) => footprint(triangles),
+                Addition::Block { outline, .. } => Some(outline.clone()),
+            };
+            let Some(plain) = plain.filter(is_whole) else { continue };
+            self.cells_of(addition, &mut |index, _| added[index] = false);
+            borders.extend(plain);
+        }
         let place = |corner: &[u32; 2]| [0, 1].map(|k| self.corner[k] + f64::from(corner[k]) * self.cell_m);
-        let closed = |ring: &Vec<[u32; 2]>| -> Vec<[f64; 2]> { ring.iter().chain(ring.first()).map(place).collect() };
-        outlines(&added, self.size()[0]).iter().flatten().map(closed).collect()
+        let of_cells = outlines(&added, self.size()[0]);
+        borders.extend(of_cells.iter().flatten().map(|ring| ring.iter().map(place).collect::<Vec<_>>()));
+        for border in &mut borders {
+            let first = border.first().copied();
+            if first != border.last().copied() {
+                border.extend(first);
+            }
+        }
+        borders
     }
 
     /// Whether the top of a cell was added since before.
     #[must_use]
     pub fn is_added(&self, before: &Self, index: usize) -> bool {
         self.kind(index) == TopKind::Other && !is_same([before, self], index)
+    }
+
+    /// The cells below an addition, with its height there; several times where it has several.
+    fn cells_of(&self, addition: &Addition, raise: &mut impl FnMut(usize, f64)) {
+        match addition {
+            Addition::Model(triangles) => {
+                for triangle in triangles {
+                    self.tops_of(triangle, raise);
+                }
+            }
+            Addition::Block { outline, top_m } => self.cells_in(outline).for_each(|index| raise(index, *top_m)),
+        }
     }
 
     /// Indices of the cells with the middle in a polygon.
@@ -261,7 +285,8 @@ mod tests {
         let [a, b, c, d] = [[5.0, 20.0, 51.0], [9.0, 20.0, 55.0], [9.0, 24.0, 55.0], [5.0, 24.0, 51.0]]
             .map(|[x, y, z]| [1000.0 + x, 2000.0 + y, z]);
         let model = Addition::Model(vec![[a, b, c], [a, c, d], [a, b, [b[0], b[1], b[2] - 1.0]]]);
-        let after = town.with_additions(&[block, model]);
+        let additions = [block, model];
+        let after = town.with_additions(&additions);
         let top = |x: usize, y: usize| (after.top(y * 40 + x), after.kind(y * 40 + x));
         assert_eq!(top(25, 5), (30.0, TopKind::Other));
         assert_eq!(top(30, 5).1, TopKind::Ground);
@@ -270,15 +295,33 @@ mod tests {
         assert_eq!(changed, 25 + 16);
         assert_eq!(after.changes_from(&town), Some([[1005.0, 2005.0], [1030.0, 2024.0]]));
         assert_eq!(town.changes_from(&town), None);
-        let borders = after.borders_of_added(&town, after.extent);
+        let borders = after.borders_of_added(&town, after.extent, &additions.each_ref());
         let block = [[1025.0, 2005.0], [1030.0, 2005.0], [1030.0, 2010.0], [1025.0, 2010.0], [1025.0, 2005.0]];
         assert_eq!((borders.len(), &borders[0][..]), (2, &block[..]));
         let south = CellExtent { min: [0, 0], size: [40, 8] };
         let block = [[1025.0, 2005.0], [1030.0, 2005.0], [1030.0, 2008.0], [1025.0, 2008.0], [1025.0, 2005.0]];
-        assert_eq!(after.borders_of_added(&town, south), [block]);
+        assert_eq!(after.borders_of_added(&town, south, &additions.each_ref()), [block]);
         // What lies below the top of a house is not seen.
         let low = Addition::Block { outline: square([1010.0, 2008.0], [1020.0, 2014.0]), top_m: 52.0 };
         assert_eq!(town.with_additions(&[low]).tops.values, town.tops.values);
+    }
+
+    #[test]
+    fn borders_of_what_is_added_have_no_steps() {
+        let town = town();
+        let ring = vec![[1022.2, 2004.0], [1034.0, 2011.7], [1027.5, 2021.0], [1022.2, 2004.0]];
+        let block = Addition::Block { outline: vec![ring.clone()], top_m: 80.0 };
+        let after = town.with_additions(std::slice::from_ref(&block));
+        assert_eq!(after.borders_of_added(&town, after.extent, &[&block]), [ring]);
+        // Two floors upon each other have no plain border: that of the cells is taken.
+        let [a, b, c, d] = [[5.0, 20.0], [9.0, 20.0], [9.0, 24.0], [5.0, 24.0]].map(|[x, y]| [1000.0 + x, 2000.0 + y]);
+        let floor = |z: f64| {
+            let [a, b, c, d] = [a, b, c, d].map(|[x, y]| [x, y, z]);
+            [[a, b, c], [a, c, d]]
+        };
+        let floors = Addition::Model([floor(55.0), floor(58.0)].concat());
+        let after = town.with_additions(std::slice::from_ref(&floors));
+        assert_eq!(after.borders_of_added(&town, after.extent, &[&floors]), [[a, b, c, d, a]]);
     }
 
     #[test]

@@ -172,6 +172,11 @@ impl ProposedChange {
         around(added.chain(self.areas.iter().flatten().flatten().copied()))
     }
 
+    /// What is added, for its places on the map: heights may be above its ground.
+    pub fn added_on_map(&self) -> Vec<&Addition> {
+        self.added.iter().map(|shape| &shape.addition).collect()
+    }
+
     /// The surface after the change. Fails if a building is not there, or if an addition has no ground below it.
     pub fn after(&self, proposal: &Proposal, surface: &CitySurface) -> Result<CitySurface, ProposalError> {
         let known: BTreeSet<&str> = surface.buildings.iter().map(|building| &building.identifier[..]).collect();

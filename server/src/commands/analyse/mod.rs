@@ -92,7 +92,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
             question.extent = CellExtent::of(manifest, Some(grown(where_changed, AROUND_M))).map_err(failed)?;
         }
         if args.pdf.is_some() {
-            question.added = after.borders_of_added(&surface, question.extent);
+            question.added = after.borders_of_added(&surface, question.extent, &change.added_on_map());
         }
         changed = Some((proposal, after));
     }
