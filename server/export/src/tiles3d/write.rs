@@ -69,7 +69,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
 }
 
 /// Takes the path of a file in the tileset, and its bytes.
-pub type TakeBytes<'t> = dyn FnMut(&str, &[u8]) -> Result<(), ExportError> + 't;
+type TakeBytes<'t> = dyn FnMut(&str, &[u8]) -> Result<(), ExportError> + 't;
 
 /// Gives `take` the path in the tileset and the bytes of each file, one at a time. Fails as [`write_tileset`], or if `take` does.
 pub fn each_file(tileset: &Tileset<'_>, take: &mut TakeBytes<'_>) -> Result<ExportReport, ExportError> {
