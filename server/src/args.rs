@@ -134,7 +134,7 @@ pub enum ServerCommand {
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(
     mut_arg("bbox", |arg| arg.help("Only objects that reach into this area, in degrees")),
-    mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system, of which all inputs are read"))
+    mut_arg("bbox_metres", |arg| arg.help("The same in metres of the city's coordinate system"))
 )]
 /// What is read of the inputs, and where it goes.
 pub struct ReadArgs {

@@ -15,7 +15,7 @@ pub struct PlacingOptions {
     pub at: Option<[f64; 3]>,
     /// West, south, east and north in degrees: objects outside are left out.
     pub bbox_deg: Option<[f64; 4]>,
-    /// The same in metres of the city's coordinate system, which is known only after all sources: readers leave nothing out by it.
+    /// The same in metres of the city's coordinate system, which a source may decide.
     pub bbox_m: Option<[f64; 4]>,
     /// Orders of coordinates where the user decides.
     pub axis_orders: AxisOrders,

@@ -546,7 +546,7 @@ impl<'o> ReadContext<'o> {
 
     /// Lowest and highest corner on the map of the area that the options name; `None` without one, or if the city's system does not
     /// have it.
-    fn wanted_area(&mut self) -> Option<[[f64; 2]; 2]> {
+    pub(crate) fn wanted_area(&mut self) -> Option<[[f64; 2]; 2]> {
         match (self.options.placing.bbox_deg, self.options.placing.bbox_m) {
             (Some(degrees), _) => self.area_on_map(degrees),
             (None, metres) => metres.map(|[west, south, east, north]| [[west, south], [east, north]]),

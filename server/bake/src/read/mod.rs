@@ -226,6 +226,7 @@ fn read_sources<'o>(
         tick(0);
         context.source = report.sources.len();
         subject::set(format_args!("{}", source.label));
+        settle_for_area(&mut context, source)?;
         let mark = context.mark();
         let result = if context.options.is_monument {
             landmark::read_alone(&mut context, source).map(Some)
@@ -253,6 +254,26 @@ fn read_sources<'o>(
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
     Ok(ReadSources { context, report, set_of_source, bad })
+}
+
+/// Finds the city's system by the first place of a source, if only an area in metres of that system is wanted: readers leave out what is
+/// outside only if they know it before. An error of the source comes again when it is read.
+fn settle_for_area(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<(), InputError> {
+    let PlacingOptions { bbox_deg, bbox_m, .. } = context.options.placing;
+    let is_needed = bbox_deg.is_none() && bbox_m.is_some() && context.is_last_resort && !context.world.is_settled();
+    if !is_needed || is_elevation(source) || context.options.is_monument {
+        return Ok(());
+    }
+    let mark = context.mark();
+    context.ends_at_place = true;
+    let result = read_source(context, source, &|_| {});
+    context.ends_at_place = false;
+    let found = context.world.clone();
+    context.abandon_source(mark)?;
+    if matches!(result, Err(InputError::Settled { .. })) {
+        context.world.take_system(found);
+    }
+    Ok(())
 }
 
 /// What all sources have, before anything is decided that depends on all of them.

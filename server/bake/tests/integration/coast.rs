@@ -125,6 +125,32 @@ fn random_points_are_sea_or_land_as_the_coast_says() {
 }
 
 #[test]
+fn an_area_in_metres_has_what_the_same_in_degrees_has() {
+    let map = map();
+    // Two of the four houses, and a part of the sea.
+    let [west, south, east, north] = [0.8, 7.0, 7.0, 15.0].map(|thousandths| thousandths / 1e3);
+    let x_m = |east: f64| 500_000.0 + east * METRES[0];
+    let bbox_m = [x_m(west), south * METRES[1], x_m(east), north * METRES[1]];
+    let read_area = |bbox_deg, bbox_m| {
+        let mut options = ReadOptions { level_ground: true, ..ReadOptions::default() };
+        (options.placing.bbox_deg, options.placing.bbox_m) = (bbox_deg, bbox_m);
+        let (scene, report) = read_embedded(&[("coast.osm", map.as_bytes())], &options, &|_| {}).unwrap();
+        let mut size = [0.0; 2];
+        for (axis, size) in size.iter_mut().enumerate() {
+            let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[axis]);
+            *size = corners.clone().fold(f32::MIN, f32::max) - corners.fold(f32::MAX, f32::min);
+        }
+        (report.sources[0].footprints, size)
+    };
+    let (houses, size) = read_area(Some([9.0 + west, south, 9.0 + east, north]), None);
+    let (houses_in_metres, size_in_metres) = read_area(None, Some(bbox_m));
+    assert_eq!((houses, houses_in_metres), (2, 2));
+    for axis in 0..2 {
+        assert!((size[axis] - size_in_metres[axis]).abs() < 5.0, "{size:?} {size_in_metres:?}");
+    }
+}
+
+#[test]
 fn level_ground_lies_only_around_what_is_painted() {
     let mut map = "<osm version=\"0.6\">".to_owned();
     // A road of 4.7 km between two houses, and their corners.

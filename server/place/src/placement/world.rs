@@ -29,6 +29,8 @@ const EGM96_CODE: u32 = 5773;
 const EGM96_ERROR_M: f64 = 1.0;
 /// Smaller errors of a datum's shift are not worth a warning.
 const NOTED_SHIFT_ERROR_M: f64 = 0.1;
+/// Between its points, a side of a box of degrees leaves the box by less than this share of its length.
+const CURVE_SHARE: f64 = 1e-3;
 
 /// The coordinate system that all sources of a city share.
 #[derive(Debug, Clone)]
@@ -210,6 +212,21 @@ impl World {
     /// projected part if something else was changed.
     pub fn crs_name(&self) -> Option<String> {
         self.system.as_ref().map(|system| system.name.clone())
+    }
+
+    /// Takes the system of another world, and nothing else that it knows.
+    pub fn take_system(&mut self, other: Self) {
+        self.system = other.system;
+    }
+
+    /// West, south, east and north in degrees around a box in metres; `None` if the world has no system, or if the box crosses the
+    /// meridian of 180 degrees.
+    pub fn degrees_around(&self, [west_m, south_m, east_m, north_m]: [f64; 4]) -> Option<[f64; 4]> {
+        let place = EarthPlace::of(&self.system.as_ref()?.label)?;
+        let [west, south, _, east, north, _] = place.extent([[west_m, south_m, 0.0], [east_m, north_m, 0.0]])?;
+        // The extent has some points of the sides, which are curves.
+        let more = CURVE_SHARE * (east - west).max(north - south);
+        (west <= east).then_some([west - more, south - more, east + more, north + more])
     }
 
     /// A warning if the middle of a city lies far outside the area of use of its system. Lengths are wrong there. It happens where the

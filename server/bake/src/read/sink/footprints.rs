@@ -44,8 +44,26 @@ struct BuildingForm {
 }
 
 impl SceneSink<'_, '_, '_> {
-    /// Adds footprints of a building as one object. Fails if the ground's height cannot be read.
+    /// Whether footprints lie outside of the wanted area. The scene builder sees that, too, but what is made of them, such as guessed
+    /// heights, is counted by then.
+    fn is_outside(&mut self, footprints: &[Footprint]) -> bool {
+        let context = &mut *self.context;
+        let Some([low, high]) = *self.wanted.get_or_insert_with(|| context.wanted_area()) else { return false };
+        let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for corner in footprints.iter().flat_map(|footprint| &footprint.rings).flatten() {
+            let Some(place) = self.place_on_map(*corner) else { continue };
+            (least, most) = ([0, 1].map(|k| least[k].min(place[k])), [0, 1].map(|k| most[k].max(place[k])));
+        }
+        // Without a place at all, they are skipped for that.
+        least[0] <= most[0] && (0..2).any(|axis| most[axis] < low[axis] || least[axis] > high[axis])
+    }
+
+    /// Adds footprints of a building as one object, unless it is outside of the wanted area. Fails if the ground's height cannot be read.
     pub(super) fn add_buildings(&mut self, object: &SourceObject, footprints: &[Footprint]) -> Result<(), InputError> {
+        if self.is_outside(footprints) {
+            self.report.outside_bbox += 1;
+            return Ok(());
+        }
         let form = self.building_form(object);
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;

@@ -20,6 +20,7 @@ use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{HeightHints, has_height, is_hidden};
+use insula_place::PlacingOptions;
 use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};
@@ -56,6 +57,8 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     report: SourceReport,
     materials: MaterialTable,
     placement: Placement,
+    /// What [`ReadContext::wanted_area`] gives once the source is placed; `None` before.
+    wanted: Option<Option<[[f64; 2]; 2]>>,
     /// Whether the system is guessed if the source names none before its first shape.
     is_place_sought: bool,
     /// Of a mesh without a place.
@@ -102,6 +105,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             report,
             materials,
             placement,
+            wanted: None,
             is_place_sought,
             unplaced_mesh,
             mesh_shape,
@@ -118,7 +122,9 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         'o: 's,
     {
         let options = self.context.options;
-        let (bbox_deg, height_field) = (options.placing.bbox_deg, options.height_field.as_deref());
+        let PlacingOptions { bbox_deg, bbox_m, .. } = options.placing;
+        let bbox_deg = bbox_deg.or_else(|| self.context.world.degrees_around(bbox_m?));
+        let height_field = options.height_field.as_deref();
         let max_line_bytes = options.max_line_bytes;
         Input { bbox_deg, height_field, max_line_bytes, ..self.source.input(options.max_source_bytes) }
     }

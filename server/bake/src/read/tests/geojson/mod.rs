@@ -459,3 +459,19 @@ fn a_city_far_from_its_first_object_is_named() {
         "{warnings:?}"
     );
 }
+
+#[test]
+fn houses_outside_of_the_wanted_area_are_not_counted() {
+    let house = |id: &str, west: u32| {
+        let east = west + 10;
+        feature(id, "{}", &polygon(&format!("[[{west},0],[{east},0],[{east},10],[{west},10],[{west},0]]")))
+    };
+    let text = collection(&format!("{}, {}", house("near", 0), house("far", 200)));
+    let mut options = ReadOptions::default();
+    options.placing.bbox_m = Some([-5.0, -5.0, 100.0, 100.0]);
+    let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
+    let source = &report.sources[0];
+    assert_eq!((scene.objects.len(), source.footprints, source.outside_bbox), (1, 1, 1));
+    assert_eq!(source.problems["height guessed"].count, 1);
+    assert_eq!(source.unaccounted(), 0);
+}
