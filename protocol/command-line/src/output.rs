@@ -233,7 +233,9 @@ impl Outputs {
         let place = canonical(path);
         match place.parent().filter(|folder| !folder.exists()) {
             None => try_file(path)?,
-            Some(folder) if self.created.iter().any(|created| created.starts_with(folder)) => try_folder(folder)?,
+            Some(folder) if self.created.iter().any(|created| created.starts_with(folder)) => {
+                try_folder(folder, folder)?
+            }
             Some(folder) => {
                 return refuse(format!("there is no folder {}; create it, or give another name", folder.display()));
             }
@@ -276,7 +278,7 @@ impl Outputs {
             Err(_) => {}
         }
         // A folder that the programs keep is replaced by another.
-        try_folder(place.parent().filter(|_| own.is_some()).unwrap_or(&place))?;
+        try_folder(path, place.parent().filter(|_| own.is_some()).unwrap_or(&place))?;
         self.take(path)
     }
 
@@ -306,10 +308,26 @@ fn try_file(path: &Path) -> Result<(), String> {
     NewFile::create(path).map(drop).map_err(refuse)
 }
 
-/// Fails if no file can be created in the folder, or in the innermost one above it that exists.
-fn try_folder(folder: &Path) -> Result<(), String> {
-    let existing = folder.ancestors().find(|folder| folder.exists()).unwrap_or(folder);
-    try_file(&existing.join(".insula-output"))
+/// Fails if no file can be created in the folder `place`, or in the innermost one above it that exists; `path` is what the user gave.
+fn try_folder(path: &Path, place: &Path) -> Result<(), String> {
+    let existing = place.ancestors().find(|folder| folder.exists()).unwrap_or(place);
+    NewFile::create(&existing.join(".insula-output")).map(drop).map_err(|error| {
+        let given = canonical(path);
+        let path = path.display();
+        match existing == given {
+            true => format!("{path}: no file can be created in it: {error}; give another name"),
+            false => {
+                let folder = existing.display();
+                format!("{path}: the folder cannot be created in {folder}: {error}; give another name")
+            }
+        }
+    })
+}
+
+/// Fails if a folder that a command replaces, or creates with those above it, cannot be created. After the work, that would lose it.
+pub fn check_new_folder(path: &Path) -> Result<(), String> {
+    let place = canonical(path);
+    try_folder(path, place.parent().unwrap_or(&place))
 }
 
 /// Whether output is read by somebody, or dropped, as it is written.
@@ -449,7 +467,11 @@ mod tests {
         file("b.ply").unwrap();
         file("new/b.ply").unwrap();
         let check = |name: &str| Outputs::default().folder(&path(name), None, |_| true);
-        assert!(check("a/b").is_err());
+        // The message has the name that was given, and none of ours.
+        let error = check("a/b").unwrap_err();
+        let expected = format!("{}: the folder cannot be created in {}: ", path("a/b").display(), path("a").display());
+        assert!(error.starts_with(&expected) && !error.contains(".insula"), "{error}");
+        assert!(check_new_folder(&path("a/b")).is_err() && check_new_folder(&path("none/b")).is_ok());
         check("none/b").unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing stays");
     }

@@ -20,7 +20,7 @@ use insula_bake::{
     },
     sample::{SampleSettings, VisibilityBackend},
 };
-use insula_command_line::output::{FileKind, Outputs};
+use insula_command_line::output::{FileKind, Outputs, check_new_folder};
 use insula_objects::schema::Labels;
 use insula_protocol::{
     manifest::Attribution,
@@ -45,12 +45,15 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     if let Some(report) = &args.report {
         check_report(report, args, &options)?;
     }
+    check_new_folder(&args.out).map_err(CommandError::Usage)?;
     let progress = BakeProgress::start(&args.out);
     memory::set_limit(options.memory_limit_bytes());
     let result = insula_bake::bake(&options, &progress);
     progress.clear();
     let report = result.map_err(|error| match error {
-        BakeError::Option { .. } => CommandError::Usage(error.to_string()),
+        BakeError::Option { .. } | BakeError::Out { .. } | BakeError::Inside { .. } => {
+            CommandError::Usage(error.to_string())
+        }
         BakeError::Read(error) if is_of_one_input(&error, args) => {
             CommandError::Bake(format!("{error}; --skip-bad-inputs bakes the other inputs"))
         }

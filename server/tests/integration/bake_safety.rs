@@ -101,6 +101,17 @@ fn house() -> String {
 }
 
 #[test]
+fn a_folder_that_cannot_be_created_is_wrong_usage() {
+    let place = Workplace::new();
+    place.write("a.obj", "v 0 0 0\nv 9 0 0\nv 0 9 9\nf 1 2 3\n");
+    place.write("notes", "dear");
+    let output = place.run("bake a.obj --out notes/city");
+    let text = one_error("bake below a file", &output);
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert!(text.contains("notes/city: the folder cannot be created in ") && !text.contains(".insula"), "{text}");
+}
+
+#[test]
 fn output_that_is_or_holds_the_input_or_other_files_is_refused() {
     let place = Workplace::new();
     place.write("delft/city.json", house());
