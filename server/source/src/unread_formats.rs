@@ -1,9 +1,10 @@
 //! Formats of city models that are not read, and the program that converts each.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use flate2::read::GzDecoder;
 use insula_archive::file::open_regular;
 use insula_protocol::text::shell_word;
 
@@ -51,6 +52,7 @@ const TO_PLACED_TIF: Conversion = Command { command: "gdal_translate -a_srs EPSG
 const FROM_DATABASE: Conversion =
     Advice("convert the folder .gdb that it is of with: ogr2ogr -f GPKG OUT.gpkg FOLDER.gdb");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
+const FROM_TILES_3D: Conversion = Advice("export the city again, as a folder or a .3tz: these are read");
 const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
 /// Extensions, without `.gz`, with the name of the format.
@@ -165,7 +167,29 @@ pub fn refusal_of_file(path: &Path) -> InputError {
     let read = |file: File| file.take(CONTENT_BYTES).read_to_end(&mut start);
     let is_read = find(&label).is_none() && open_regular(path).and_then(read).is_ok();
     let by_content = if is_read { by_content(&label, &start) } else { None };
+    if open_regular(path).is_ok_and(|file| has_tileset(file).unwrap_or(false)) {
+        return not_read(&label, "3D Tiles in PMTiles", &FROM_TILES_3D);
+    }
     by_content.unwrap_or_else(|| refusal(&label))
+}
+
+/// Whether a file is an archive of PMTiles with a tileset in its metadata, as an export writes it. Fails if it is too short for one.
+fn has_tileset(mut file: File) -> io::Result<bool> {
+    /// Where the header has the position and the length of the metadata.
+    const METADATA_AT: usize = 24;
+    /// Where it has the type of the tiles: zero for one that PMTiles does not know.
+    const TYPE_AT: usize = 99;
+    let mut header = [0; TYPE_AT + 1];
+    file.read_exact(&mut header)?;
+    if !header.starts_with(b"PMTiles\x03") || header[TYPE_AT] != 0 {
+        return Ok(false);
+    }
+    let number = |at: usize| header[at..at + 8].iter().rev().fold(0_u64, |all, byte| (all << 8) | u64::from(*byte));
+    file.seek(SeekFrom::Start(number(METADATA_AT)))?;
+    let mut start = Vec::new();
+    GzDecoder::new(file.take(number(METADATA_AT + 8))).take(CONTENT_BYTES).read_to_end(&mut start)?;
+    let text = String::from_utf8_lossy(&start);
+    Ok(text.starts_with("{\"tileset\":") || text.starts_with("{\"subtrees\":"))
 }
 
 /// As [`refusal`], of a file in an archive, which programs do not find by its path.
@@ -251,6 +275,9 @@ fn advice(path: &str, conversion: &Conversion) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::gzip;
+    use insula_test_support::folder::TestFolder;
+    use std::fs;
 
     #[test]
     fn refusals_name_a_command_that_can_be_pasted() {
@@ -321,6 +348,27 @@ mod tests {
         }
         let text = InputError::not_utf8("in/my town.json").to_string();
         assert!(text.ends_with("iconv -f WINDOWS-1252 -t UTF-8 'in/my town.json' > 'in/utf8-my town.json'"), "{text}");
+    }
+
+    #[test]
+    fn a_tileset_in_an_archive_is_no_vector_tiles() {
+        let folder = TestFolder::new("pmtiles");
+        let path = folder.path.join("town.pmtiles");
+        let metadata = gzip(br#"{"subtrees":{},"tileset":{}}"#);
+        let mut archive = b"PMTiles\x03".to_vec();
+        archive.resize(127, 0);
+        archive[24..32].copy_from_slice(&127_u64.to_le_bytes());
+        archive[32..40].copy_from_slice(&(metadata.len() as u64).to_le_bytes());
+        archive.extend(&metadata);
+        let message = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            refusal_of_file(&path).to_string()
+        };
+        assert!(message(&archive).contains("town.pmtiles: 3D Tiles in PMTiles: not read; export the city again"));
+        archive[99] = 1;
+        for other in [&archive[..], &archive[..50], &archive[..0]] {
+            assert!(message(other).contains("vector tiles: not read; convert it with: ogr2ogr"));
+        }
     }
 
     #[test]
