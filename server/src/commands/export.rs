@@ -1,6 +1,6 @@
 //! `export`: a baked city, or a part of it, in the formats of other programs.
 
-use super::{error::CommandError, output::print_result};
+use super::{error::CommandError, output::print_result, site_documents::NO_PLACE};
 use crate::{
     area_file::read_polygons,
     args::{ExportArgs, ExportFormat},
@@ -77,6 +77,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
             let tileset = tileset.in_form(form);
             let report =
                 write_tileset(&tileset, Destination::of(&args.out)).map_err(|error| failed(error.to_string()))?;
+            if !tileset.has_place() {
+                eprintln!("note: {NO_PLACE}");
+            }
             let facts = json!({ "files": report.files, "triangles": report.triangles, "bytes": report.bytes });
             (facts, format!("{}, {}", count(report.files, "file"), human_bytes(report.bytes)))
         }

@@ -19,6 +19,11 @@ use insula_export::{
 };
 use std::{fs, path::PathBuf, sync::Arc};
 
+/// What is to be said of a tileset without a place.
+#[cfg(feature = "bake")]
+pub(super) const NO_PLACE: &str = "the city's place on Earth is not known, and globes show its 3D Tiles at the centre of the Earth; bake it \
+     with --crs, or with --at if it is a mesh";
+
 /// Writes the documents, which list the files of cities that the site has by now. `url` is the site's address, if it is known.
 pub(super) fn write_documents(
     site: &mut SiteFolder,
@@ -63,6 +68,9 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
     let everything = ObjectSelection::default();
     let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(error.to_string()))?;
     let tileset = tileset.in_form(TilesetForm::Plain);
+    if !tileset.has_place() {
+        eprintln!("note: {}: {NO_PLACE}", manifest.name);
+    }
     let folder = format!("cities/{}/{}", manifest.name, discovery::TILESET_FOLDER);
     let mut take = |name: &str, bytes: &[u8]| {
         let written = site.write(&format!("{folder}/{name}"), bytes);

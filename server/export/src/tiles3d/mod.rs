@@ -115,6 +115,12 @@ impl<'a> Tileset<'a> {
         Ok(Self { source, selection, frame, reader, reach, form: TilesetForm::default() })
     }
 
+    /// Whether the city has a place on Earth: without one, globes draw it at the centre of the Earth.
+    #[must_use]
+    pub fn has_place(&self) -> bool {
+        self.frame.to_earth().is_some()
+    }
+
     /// The same city in a form.
     #[must_use]
     pub fn in_form(self, form: TilesetForm) -> Self {
