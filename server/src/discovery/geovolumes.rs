@@ -12,6 +12,8 @@ const TILES_3D: &str = "application/json+3dtiles";
 const VOLUMES: &str = "http://www.opengis.net/def/rel/ogc/1.0/3d-geovolumes";
 /// Longitude and latitude, and height above the ellipsoid.
 const CRS_84_H: &str = "http://www.opengis.net/def/crs/OGC/0/CRS84h";
+/// The same without heights.
+const CRS_84: &str = "http://www.opengis.net/def/crs/OGC/1.3/CRS84";
 
 /// Path of a city's document in the site.
 pub(super) fn collection_file(name: &str) -> String {
@@ -54,8 +56,9 @@ pub(super) fn collection(city: &CityRecord<'_>, root: &str) -> Value {
         // Earlier drafts, which most programs follow, have content apart.
         "content": [link("original", media_type, &content, title)],
     });
-    if let Some(extent) = city.extent {
-        collection["extent"] = json!({ "spatial": { "bbox": [extent], "crs": CRS_84_H } });
+    if let Some(bbox) = city.bbox() {
+        let crs = if bbox.len() == 6 { CRS_84_H } else { CRS_84 };
+        collection["extent"] = json!({ "spatial": { "bbox": [bbox], "crs": crs } });
     }
     collection
 }

@@ -79,10 +79,19 @@ impl CityRecord<'_> {
     fn has(&self, name: &str) -> bool {
         self.files.iter().any(|(file, _)| file.name == name)
     }
+
+    /// The extent as documents have it: without heights where nobody knows from what those of the city are measured.
+    fn bbox(&self) -> Option<Vec<f64>> {
+        let [west, south, lowest, east, north, highest] = self.extent?;
+        Some(match self.manifest.heights {
+            Some(_) => vec![west, south, lowest, east, north, highest],
+            None => vec![west, south, east, north],
+        })
+    }
 }
 
-/// West, south, lowest, east, north and highest of a city: degrees, and metres above the ellipsoid. `None` if its coordinate system is
-/// not known, or not to this program.
+/// West, south, lowest, east, north and highest of a city: degrees, and metres above the ellipsoid, or from an unknown zero
+/// if the manifest does not say from which. `None` if its coordinate system is not known, or not to this program.
 #[cfg(feature = "bake")]
 pub(crate) fn extent(manifest: &Manifest) -> Option<[f64; 6]> {
     let place =

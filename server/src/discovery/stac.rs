@@ -90,8 +90,8 @@ pub(super) fn item(city: &CityRecord<'_>, url: Option<&str>) -> Value {
         "assets": assets(city),
     });
     // An item without a geometry has no box.
-    if let Some(extent) = city.extent {
-        item["bbox"] = json!(extent);
+    if let Some(bbox) = city.bbox() {
+        item["bbox"] = json!(bbox);
     }
     item
 }

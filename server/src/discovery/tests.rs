@@ -1,6 +1,7 @@
 //! Documents by the rules of their formats.
 
 use super::*;
+use insula_protocol::manifest::HeightReference;
 use insula_test_support::small_city;
 use std::time::{Duration, UNIX_EPOCH};
 
@@ -12,6 +13,12 @@ fn record<'a>(manifest: &'a Manifest, names: &[&str], extent: Option<[f64; 6]>) 
         city_files().filter(|file| names.contains(&file.name)).map(|file| (file, FileMark::of(b"abc"))).collect();
     let time = UNIX_EPOCH + Duration::from_secs(TIME_SECS);
     CityRecord { manifest, description: "A city.".into(), extent, time, files }
+}
+
+/// The small city with heights of a known zero.
+fn measured_city(name: &str) -> Manifest {
+    let heights = Some(HeightReference { datum: "EPSG:5709".into(), geoid: None });
+    Manifest { heights, ..small_city::manifest(name) }
 }
 
 fn document(documents: &[(String, Value)], name: &str) -> Value {
@@ -26,7 +33,7 @@ fn hrefs(document: &Value, rel: &str) -> Vec<String> {
 
 #[test]
 fn an_item_has_what_stac_asks_for() {
-    let manifest = small_city::manifest("two");
+    let manifest = measured_city("two");
     let city = record(
         &manifest,
         &[MANIFEST_FILE, "blockmaps.pmtiles", THUMBNAIL_FILE],
@@ -104,7 +111,7 @@ fn an_area_over_the_meridian_of_180_degrees_has_two_parts() {
 
 #[test]
 fn collections_lead_to_the_tileset_or_else_to_the_city() {
-    let [with, without] = ["with", "without"].map(small_city::manifest);
+    let [with, without] = [measured_city("with"), small_city::manifest("without")];
     let extent = Some([4.0, 52.0, 40.0, 4.1, 52.1, 50.0]);
     let cities = [record(&with, &[MANIFEST_FILE, TILESET_FILE], extent), record(&without, &[MANIFEST_FILE], extent)];
     let documents = documents("Cities", &cities, None);
@@ -116,7 +123,13 @@ fn collections_lead_to_the_tileset_or_else_to_the_city() {
     let one = document(&documents, "collections/with.json");
     assert_eq!(hrefs(&one, geovolumes_relation()), ["../cities/with/3dtiles/tileset.json"]);
     assert_eq!(hrefs(&one, "self"), ["../collections/with.json"]);
-    assert_eq!(one["extent"]["spatial"]["bbox"][0].as_array().unwrap().len(), 6);
+    let extent = |name: &str| document(&documents, name)["extent"]["spatial"].clone();
+    assert_eq!(extent("collections/with.json")["bbox"], json!([[4.0, 52.0, 40.0, 4.1, 52.1, 50.0]]));
+    assert!(extent("collections/with.json")["crs"].as_str().unwrap().ends_with("/CRS84h"));
+    // Nobody knows from what the heights of this one are measured.
+    assert_eq!(extent("collections/without.json")["bbox"], json!([[4.0, 52.0, 4.1, 52.1]]));
+    assert!(extent("collections/without.json")["crs"].as_str().unwrap().ends_with("/CRS84"));
+    assert_eq!(document(&documents, "cities/without/item.json")["bbox"], json!([4.0, 52.0, 4.1, 52.1]));
     let item = document(&documents, "cities/with/item.json");
     assert_eq!(item["assets"]["tileset"]["proj:code"], "EPSG:4978");
     assert_eq!(hrefs(&document(&documents, "catalog.json"), "item").len(), 2);
@@ -129,7 +142,7 @@ fn geovolumes_relation() -> &'static str {
 #[cfg(feature = "bake")]
 #[test]
 fn extents_are_those_of_the_city_in_degrees() {
-    let [west, south, lowest, east, north, highest] = extent(&small_city::manifest("two")).unwrap();
+    let [west, south, lowest, east, north, highest] = extent(&measured_city("two")).unwrap();
     // Delft, 128 m of it: 0.0019 degrees of the parallel and 0.0012 of the meridian.
     assert!((west - 4.3685).abs() < 0.01 && (0.0018..0.0021).contains(&(east - west)), "{west} {east}");
     assert!((south - 51.9985).abs() < 0.01 && (0.0011..0.0013).contains(&(north - south)), "{south} {north}");
