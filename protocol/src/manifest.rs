@@ -141,6 +141,11 @@ impl CityCounts {
     }
 }
 
+/// Before the licence in a line of sources.
+const LICENCE_MARK: &str = ", licence: ";
+/// Between the sources of a line.
+const SOURCE_MARK: &str = "; ";
+
 /// A source that must be named.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Attribution {
@@ -155,6 +160,62 @@ impl Attribution {
     /// All texts.
     pub fn texts(&self) -> impl Iterator<Item = &String> + Clone {
         std::iter::once(&self.text).chain(&self.licence).chain(&self.url)
+    }
+
+    /// Sources as one line, for files that have one text of them. [`Self::of_line`] gives them back.
+    pub fn line(all: &[Self]) -> String {
+        let line = |source: &Self| {
+            let licence = source.licence.iter().map(|licence| format!("{LICENCE_MARK}{licence}"));
+            let url = source.url.iter().map(|url| format!(", {url}"));
+            let line = std::iter::once(source.text.clone()).chain(licence).chain(url).collect::<String>();
+            line.split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        all.iter().map(line).collect::<Vec<_>>().join(SOURCE_MARK)
+    }
+
+    /// The sources that a line of [`Self::line`] has. Any other text is the name of one source.
+    pub fn of_line(text: &str) -> Vec<Self> {
+        let all: Vec<Self> = text.split(SOURCE_MARK).map(Self::of_part).filter(|one| !one.text.is_empty()).collect();
+        match all.iter().any(Self::is_told) {
+            true => all,
+            false => vec![Self { text: text.trim().to_owned(), licence: None, url: None }],
+        }
+    }
+
+    fn of_part(part: &str) -> Self {
+        let is_url = |text: &str| {
+            (text.starts_with("https://") || text.starts_with("http://")) && !text.contains(char::is_whitespace)
+        };
+        let (rest, url) = match part.trim().rsplit_once(", ") {
+            Some((rest, url)) if is_url(url) => (rest, Some(url)),
+            _ => (part.trim(), None),
+        };
+        let (text, licence) = rest.rsplit_once(LICENCE_MARK).map_or((rest, None), |(text, known)| (text, Some(known)));
+        Self { text: text.to_owned(), licence: licence.map(str::to_owned), url: url.map(str::to_owned) }
+    }
+
+    /// Whether more than the name is known.
+    pub fn is_told(&self) -> bool {
+        self.licence.is_some() || self.url.is_some()
+    }
+
+    /// Adds the source to others, unless one of them says as much; one that says less is replaced. Returns whether there is something new.
+    pub fn add_to(self, all: &mut Vec<Self>) -> bool {
+        if all.iter().any(|known| self.is_said_by(known)) {
+            return false;
+        }
+        match all.iter_mut().find(|known| known.is_said_by(&self)) {
+            Some(known) => *known = self,
+            None => all.push(self),
+        }
+        true
+    }
+
+    /// Whether another source has the same name, and as much of the rest.
+    pub fn is_said_by(&self, other: &Self) -> bool {
+        self.text.eq_ignore_ascii_case(&other.text)
+            && (self.licence.is_none() || self.licence == other.licence)
+            && (self.url.is_none() || self.url == other.url)
     }
 }
 
@@ -290,6 +351,35 @@ fn plain_name(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sources_come_back_from_one_line() {
+        let source = |text: &str, licence: Option<&str>, url: Option<&str>| Attribution {
+            text: text.into(),
+            licence: licence.map(Into::into),
+            url: url.map(Into::into),
+        };
+        let osm =
+            source("OpenStreetMap contributors", Some("ODbL 1.0"), Some("https://www.openstreetmap.org/copyright"));
+        let all =
+            [osm.clone(), source("Office of Maps, Japan", None, Some("http://a.b/c,d")), source("me", None, None)];
+        let line = Attribution::line(&all);
+        assert_eq!(
+            line,
+            "OpenStreetMap contributors, licence: ODbL 1.0, https://www.openstreetmap.org/copyright; \
+             Office of Maps, Japan, http://a.b/c,d; me"
+        );
+        assert_eq!(Attribution::of_line(&line), all);
+        for other in ["\u{a9} OpenStreetMap contributors; somebody, CC BY 4.0", "me"] {
+            assert_eq!(Attribution::of_line(other), [source(other, None, None)]);
+        }
+        // What says no more is not added, and what says more replaces it.
+        let mut found = vec![source("OpenStreetMap contributors", None, None)];
+        assert!(osm.clone().add_to(&mut found) && !source("openstreetmap contributors", None, None).add_to(&mut found));
+        assert_eq!(found, [osm.clone()]);
+        assert!(source("OpenStreetMap contributors", Some("CC0"), None).add_to(&mut found));
+        assert_eq!(found.len(), 2);
+    }
 
     fn manifest() -> Manifest {
         Manifest {

@@ -1,6 +1,6 @@
 //! Cities that are written for other programs, and baked again.
 
-use serde_json::json;
+use serde_json::{Value, json};
 use std::{fs, path::Path, process::Command};
 
 /// How far heights may be off: a table of undulations is read there and back.
@@ -52,4 +52,34 @@ fn plain_tiles_are_baked_where_they_were() {
     assert!((value("ground_z_m") - 2.0).abs() < HEIGHT_M, "{row}");
     assert!((value("roof_z_m") - 11.0).abs() < HEIGHT_M, "{row}");
     assert!((value("area_m2") - 400.0).abs() < 1.0, "{row}");
+}
+
+#[test]
+fn sources_are_the_same_after_a_round_trip() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("house.city.json"), house()).unwrap();
+    let bake = |input: &str, out: &str, options: &str| {
+        succeeds(folder.path(), &format!("bake {input} --out {out} --cell 1 --no-street-sets --no-picture {options}"));
+        let manifest: Value =
+            serde_json::from_slice(&fs::read(folder.path().join(out).join("city.json")).unwrap()).unwrap();
+        manifest["attribution"].clone()
+    };
+    let told =
+        bake("house.city.json", "town", "--attribution Office --licence Ours --source-url https://example.org/a");
+    assert_eq!(told, json!([{ "text": "Office", "licence": "Ours", "url": "https://example.org/a" }]));
+    for (number, (out, input)) in [
+        ("a.csv", "a.csv"),
+        ("a.geojson", "a.geojson"),
+        ("a.parquet", "a.parquet"),
+        ("a.fgb", "a.fgb"),
+        ("a.city.jsonl", "a.city.jsonl"),
+        ("a.glb", "a.glb"),
+        ("tiles --format 3dtiles", "tiles/tileset.json"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        succeeds(folder.path(), &format!("export town --out {out}"));
+        assert_eq!(bake(input, &format!("again-{number}"), "--crs EPSG:28992"), told, "{out}");
+    }
 }

@@ -24,38 +24,62 @@ impl Attributions {
         }
         // The rest is for the title and the coordinate system.
         let mut bytes = 0;
-        for source in &read.sources {
-            let (attribution, filled_in) = attribution_of(source);
-            if attribution.text.is_empty() || found.all.contains(&attribution) {
-                continue;
-            }
-            bytes += attribution.texts().map(String::len).sum::<usize>();
-            if found.all.len() == MAX_ATTRIBUTIONS || bytes > MAX_ALL_TEXT_BYTES - 3 * MAX_TEXT_BYTES {
+        'sources: for source in &read.sources {
+            let (attributions, filled_in) = attributions_of(source);
+            for attribution in attributions {
+                if attribution.text.is_empty() || found.all.iter().any(|known| attribution.is_said_by(known)) {
+                    continue;
+                }
                 let path = &source.path;
-                tracing::warn!("{path}: too many attributions, the rest is left out; give one with --attribution");
-                break;
+                bytes += attribution.texts().map(String::len).sum::<usize>();
+                if found.all.len() == MAX_ATTRIBUTIONS || bytes > MAX_ALL_TEXT_BYTES - 3 * MAX_TEXT_BYTES {
+                    tracing::warn!("{path}: too many attributions, the rest is left out; give one with --attribution");
+                    break 'sources;
+                }
+                if filled_in {
+                    let texts: Vec<&str> = attribution.texts().map(String::as_str).collect();
+                    found.filled_in.push(format!("{path}: {}", texts.join(", ")));
+                }
+                attribution.add_to(&mut found.all);
             }
-            if filled_in {
-                let texts: Vec<&str> = attribution.texts().map(String::as_str).collect();
-                found.filled_in.push(format!("{}: {}", source.path, texts.join(", ")));
-            }
-            found.all.push(attribution);
         }
         found
     }
 }
 
-/// What a source says of itself, with what is known of its publisher where it says nothing, and whether there is any of that.
-fn attribution_of(source: &SourceReport) -> (Attribution, bool) {
+/// What a source says of itself, with what is known of its publisher where it says nothing, and whether there is any of that. A text of
+/// several sources, as exports write it, is taken apart.
+fn attributions_of(source: &SourceReport) -> (Vec<Attribution>, bool) {
     let licence = (!source.licences.is_empty()).then(|| cut(source.licences.join(", ")));
-    let Some(KnownSource { name, licence: known_licence, url, .. }) = known_source(source) else {
-        let names = if source.attributions.is_empty() { &source.titles } else { &source.attributions };
-        return (Attribution { text: cut(names.join(", ")), licence, url: None }, false);
+    let named = |text: String| Attribution { text, licence: None, url: None };
+    let mut all = Vec::new();
+    for attribution in source.attributions.iter().flat_map(|text| Attribution::of_line(&cut(text.clone()))) {
+        attribution.add_to(&mut all);
+    }
+    if !all.iter().any(Attribution::is_told) && !all.is_empty() {
+        all = vec![named(cut(source.attributions.join(", ")))];
+    }
+    all.iter_mut().for_each(|one| one.licence = one.licence.take().or_else(|| licence.clone()));
+    let known = if all.len() > 1 { None } else { known_source(source) };
+    let Some(KnownSource { name, licence: known_licence, url: known_url, .. }) = known else {
+        if all.is_empty() {
+            all.push(Attribution { licence, ..named(cut(source.titles.join(", "))) });
+        }
+        return (all, false);
     };
-    let filled_in = source.attributions.is_empty() || licence.is_none();
-    let text = if source.attributions.is_empty() { (*name).to_owned() } else { cut(source.attributions.join(", ")) };
-    let licence = licence.or_else(|| Some((*known_licence).to_owned()));
-    (Attribution { text, licence, url: filled_in.then(|| (*url).to_owned()) }, filled_in)
+    let is_named = !all.is_empty();
+    let mut one = all.pop().unwrap_or_else(|| Attribution { licence, ..named((*name).to_owned()) });
+    // Nothing is added that the text has already.
+    let text = one.text.to_lowercase();
+    let is_new = |known: &str| !text.contains(&known.to_lowercase());
+    let filled_in = !is_named || one.licence.is_none() && is_new(known_licence);
+    if one.licence.is_none() && is_new(known_licence) {
+        one.licence = Some((*known_licence).to_owned());
+    }
+    if filled_in && one.url.is_none() && is_new(known_url) {
+        one.url = Some((*known_url).to_owned());
+    }
+    (vec![one], filled_in)
 }
 
 /// The text as far as a manifest can hold it.
@@ -88,6 +112,32 @@ mod tests {
             assert!(all.len() > 10 && all.len() <= MAX_ATTRIBUTIONS);
             assert!(all.iter().flat_map(Attribution::texts).map(String::len).sum::<usize>() <= MAX_ALL_TEXT_BYTES);
         }
+    }
+
+    #[test]
+    fn sources_of_an_export_are_the_same_again() {
+        let osm = Attribution {
+            text: "OpenStreetMap contributors".to_owned(),
+            licence: Some("ODbL 1.0".to_owned()),
+            url: Some("https://www.openstreetmap.org/copyright".to_owned()),
+        };
+        let office = Attribution { text: "Office".to_owned(), licence: Some("Ours".to_owned()), url: None };
+        for all in [vec![osm.clone()], vec![osm.clone(), office]] {
+            let mut source = SourceReport::new("a.geojson", SourceFormat::GeoJson, 0);
+            source.attributions.push(Attribution::line(&all));
+            // The same source twice, and a map of it.
+            let mut map = SourceReport::new("b.osm", SourceFormat::OpenStreetMap, 0);
+            map.attributions.push("OpenStreetMap contributors".to_owned());
+            map.licences.push("ODbL 1.0".to_owned());
+            let read = ReadReport { sources: vec![source.clone(), source, map], ..ReadReport::default() };
+            assert_eq!(Attributions::new(&[], &read), Attributions { all, filled_in: Vec::new() });
+        }
+        // A licence in the text is not said again.
+        let mut told = SourceReport::new("a.geojson", SourceFormat::GeoJson, 0);
+        told.attributions.push("OpenStreetMap contributors, ODbL 1.0".to_owned());
+        let read = ReadReport { sources: vec![told], ..ReadReport::default() };
+        let all = Attributions::new(&[], &read).all;
+        assert_eq!((all[0].licence.as_deref(), all[0].url.as_deref()), (None, None));
     }
 
     #[test]

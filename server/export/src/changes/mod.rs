@@ -95,9 +95,7 @@ pub struct ChangeReport {
 pub fn manifest_of_both(before: &Manifest, after: &Manifest) -> Manifest {
     let mut both = after.clone();
     for source in &before.attribution {
-        if !both.attribution.contains(source) {
-            both.attribution.push(source.clone());
-        }
+        source.clone().add_to(&mut both.attribution);
     }
     both
 }

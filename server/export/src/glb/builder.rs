@@ -11,7 +11,7 @@ use super::{
     geometry::{Geometry, Layout, NO_FEATURE},
     jpeg::jpeg_of,
 };
-use insula_protocol::{Manifest, mesh_tile::TileTexture};
+use insula_protocol::{Manifest, manifest::Attribution, mesh_tile::TileTexture};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -323,10 +323,5 @@ impl GlbBuilder {
 
 /// The sources of a city in one line, with their licences and pages. `None` if there are none.
 fn copyright(manifest: &Manifest) -> Option<String> {
-    let sources = manifest.attribution.iter().map(|source| {
-        let parts = [Some(&source.text), source.licence.as_ref(), source.url.as_ref()];
-        parts.into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ")
-    });
-    let line = sources.collect::<Vec<_>>().join("; ");
-    (!line.is_empty()).then_some(line)
+    (!manifest.attribution.is_empty()).then(|| Attribution::line(&manifest.attribution))
 }

@@ -29,7 +29,7 @@ fn a_city_is_one_document_with_all_leaves() {
     let (glb, report) = export(&city(), &ObjectSelection::default()).unwrap();
     assert_eq!(glb.check_primitives() as u64, report.triangles);
     assert_eq!((glb.list("meshes").len(), glb.list("nodes").len()), (4, 5));
-    assert_eq!(glb.json["asset"]["copyright"], "Town Hall, CC BY 4.0");
+    assert_eq!(glb.json["asset"]["copyright"], "Town Hall, licence: CC BY 4.0");
     assert_eq!(glb.json["asset"]["extras"]["crs"], "EPSG:28992");
     let required: Vec<&str> = glb.list("extensionsRequired").iter().map(|name| name.as_str().unwrap()).collect();
     assert_eq!(required, ["EXT_texture_webp", "KHR_mesh_quantization"]);

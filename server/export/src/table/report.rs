@@ -1,7 +1,7 @@
 //! What an export did, and why it failed.
 
 use crate::source::{ExportSource, SourceError};
-use insula_protocol::Manifest;
+use insula_protocol::{Manifest, manifest::Attribution};
 use serde::Serialize;
 use std::{
     collections::BTreeMap,
@@ -37,12 +37,9 @@ impl ExportReport {
     }
 }
 
-/// The sources of a city as one text: name, licence and web page of each, separated by semicolons.
+/// The sources of a city as one text, which inputs of a bake may have.
 pub fn attribution(manifest: &Manifest) -> String {
-    let of_source = |source: &insula_protocol::manifest::Attribution| {
-        source.texts().map(String::as_str).collect::<Vec<_>>().join(", ")
-    };
-    manifest.attribution.iter().map(of_source).collect::<Vec<_>>().join("; ")
+    Attribution::line(&manifest.attribution)
 }
 
 /// Why an export failed. Nothing remains of the output then.

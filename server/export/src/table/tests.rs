@@ -100,7 +100,7 @@ fn csv_has_a_row_for_each_object() {
     }
     let report = &exported.report;
     assert_eq!((report.objects, report.without_geometry, report.skipped.len()), (8, 1, 0));
-    assert_eq!(report.attribution, "Gemeente \"Ä\", CC BY 4.0, https://example.org");
+    assert_eq!(report.attribution, "Gemeente \"Ä\", licence: CC BY 4.0, https://example.org");
     assert_eq!(report.files.len(), 2);
     let sidecar = std::fs::read_to_string(&report.files[1]).unwrap();
     assert_eq!(sidecar, format!("{}\n", report.attribution));

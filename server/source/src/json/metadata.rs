@@ -4,6 +4,9 @@ use serde_json::Value;
 
 use crate::object::{Description, ObjectSink};
 
+/// Between a title and the attribution, which ends in a parenthesis.
+const DATA_MARK: &str = " (data: ";
+
 /// Passes the titles, attributions and licences to the sink. Returns the name of the coordinate system.
 pub fn describe(metadata: &Value, sink: &mut dyn ObjectSink) -> Option<String> {
     let mut crs = None;
@@ -43,8 +46,15 @@ fn system_in(value: &Value) -> Option<String> {
 }
 
 fn note(name: &str, within: &str, text: &str, sink: &mut dyn ObjectSink) {
-    if let Some(what) = description(name, within) {
-        sink.describe(what, text);
+    let Some(what) = description(name, within) else { return };
+    // CityJSON has no member for it: exports write it after the title.
+    let parts = text.strip_suffix(')').and_then(|text| text.split_once(DATA_MARK));
+    match parts.filter(|_| what == Description::Title) {
+        Some((title, attribution)) => {
+            sink.describe(Description::Title, title);
+            sink.describe(Description::Attribution, attribution);
+        }
+        None => sink.describe(what, text),
     }
 }
 
@@ -81,6 +91,15 @@ mod tests {
             let metadata = serde_json::json!({ "referenceSystem": system });
             assert_eq!(describe(&metadata, &mut TestSink::default()).as_deref(), expected, "{metadata}");
         }
+    }
+
+    #[test]
+    fn an_attribution_in_a_title_is_none_of_it() {
+        let mut sink = TestSink::default();
+        describe(&serde_json::json!({ "title": "Delft (data: TU (3D), licence: CC0)" }), &mut sink);
+        let expected =
+            [(Description::Title, "Delft".to_owned()), (Description::Attribution, "TU (3D), licence: CC0".to_owned())];
+        assert_eq!(sink.described, expected);
     }
 
     #[test]

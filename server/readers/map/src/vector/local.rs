@@ -25,9 +25,18 @@ pub(super) fn sibling(input: &Input<'_>, extension: &str) -> Option<String> {
 
 /// The text of a small file beside the source, such as a `.prj`; `None` if there is none or it is too large to be one.
 pub(super) fn sibling_text(input: &Input<'_>, extension: &str) -> Option<String> {
+    small_text(input, &sibling(input, extension)?)
+}
+
+/// The attribution in a file beside a table, named as the table and with `.txt` after that, as an export writes it. Longer texts are notes
+/// of something else.
+pub(super) fn attribution_beside(input: &Input<'_>) -> Option<String> {
+    small_text(input, &format!("{}.txt", input.name)).filter(|text| text.lines().count() == 1)
+}
+
+fn small_text(input: &Input<'_>, name: &str) -> Option<String> {
     const MAX_TEXT_BYTES: u64 = 1 << 16;
-    let name = sibling(input, extension)?;
-    let bytes = Input { name: &name, ..*input }.read_all(MAX_TEXT_BYTES).ok()?;
+    let bytes = Input { name, ..*input }.read_all(MAX_TEXT_BYTES).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let text = text.trim_start_matches('\u{feff}').trim();
     (!text.is_empty()).then(|| text.to_owned())

@@ -12,7 +12,7 @@ use super::{geojson, local, wkb, wkt};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
-use insula_source::object::ObjectSink;
+use insula_source::object::{Description, ObjectSink};
 use place::Place;
 
 /// Names of geometry columns, in lower case, the most certain first.
@@ -77,6 +77,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
     let in_degrees = || columns.place.is_in_degrees().then(|| DEGREES.to_owned());
     writer.begin(layer, local::system_beside(input).or_else(in_degrees))?;
+    if let Some(attribution) = local::attribution_beside(input) {
+        writer.sink.describe(Description::Attribution, &attribution);
+    }
     if !has_names {
         add(&first, &columns, &mut writer)?;
     }

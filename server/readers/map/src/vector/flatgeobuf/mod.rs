@@ -18,6 +18,7 @@ use super::layer::Layer;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput, Share};
+use insula_source::json::metadata;
 use insula_source::object::{Description, ObjectSink};
 use properties::Column;
 
@@ -121,6 +122,11 @@ fn begin(input: &Input<'_>, header: &Header<'_>, writer: &mut FeatureWriter<'_>)
 fn describe(header: &Header<'_>, writer: &mut FeatureWriter<'_>) {
     for text in [header.title(), header.description()].into_iter().flatten().filter(|text| !text.trim().is_empty()) {
         writer.sink.describe(Description::Title, text);
+    }
+    let metadata = header.metadata().and_then(|text| serde_json::from_str::<serde_json::Value>(text).ok());
+    if let Some(metadata) = metadata {
+        // The header has the system itself.
+        let _ = metadata::describe(&metadata, writer.sink);
     }
 }
 

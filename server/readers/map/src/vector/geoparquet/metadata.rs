@@ -42,11 +42,15 @@ pub(super) enum NestedKind {
     MultiPoint,
 }
 
+/// A text about the whole file.
+pub(super) fn text_of<'m>(metadata: &'m ParquetMetaData, key: &str) -> Option<&'m str> {
+    let pairs = metadata.file_metadata().key_value_metadata();
+    pairs.into_iter().flatten().find(|pair| pair.key == key).and_then(|pair| pair.value.as_deref())
+}
+
 /// Finds the geometry column. Fails with what is not supported.
 pub(super) fn find(metadata: &ParquetMetaData, schema: &Schema) -> Result<GeoColumn, String> {
-    let pairs = metadata.file_metadata().key_value_metadata();
-    let text = pairs.into_iter().flatten().find(|pair| pair.key == "geo").and_then(|pair| pair.value.as_deref());
-    let geo: Option<Value> = text.and_then(|text| serde_json::from_str(text).ok());
+    let geo: Option<Value> = text_of(metadata, "geo").and_then(|text| serde_json::from_str(text).ok());
     let found = match &geo {
         Some(geo) => of_metadata(geo, schema)?,
         None => of_types(metadata, schema).ok_or("a parquet file without a geometry column")?,

@@ -53,6 +53,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut writer = FeatureWriter::new(input, sink);
     let names = metadata.schema().fields().iter().map(|field| field.name().as_str());
     writer.begin(Layer::of_file(input.name, names), geo.crs.clone())?;
+    if let Some(attribution) = metadata::text_of(metadata.metadata(), "attribution") {
+        writer.sink.describe(Description::Attribution, attribution);
+    }
     let (own, decisive) = share_of(input, metadata.metadata());
     let groups: Vec<usize> = match writer.wanted_deg() {
         Some(wanted) => metadata::groups_within(metadata.metadata(), &geo.covering, wanted),
