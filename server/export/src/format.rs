@@ -56,4 +56,6 @@ pub struct PlaneDefinition {
     pub proj: String,
     /// Semi-major axis in metres and inverse flattening of the ellipsoid; infinite for a sphere.
     pub ellipsoid: [f64; 2],
+    /// Whether the registry has the northing before the easting. Files have the easting first all the same.
+    pub is_north_first: bool,
 }

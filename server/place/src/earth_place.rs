@@ -1,6 +1,6 @@
 //! Where places of a city's coordinate system are on Earth, for programs that write baked cities in other formats.
 
-use super::crs::{self, geoid::Geoid};
+use super::crs::{self, Axes, geoid::Geoid};
 use proj4rs::{Proj, adaptors::transform_vertex_2d, transform::transform};
 
 /// A projected coordinate system by the name that a manifest has.
@@ -10,6 +10,8 @@ pub struct EarthPlace {
     geocentric: Proj,
     epsg: Option<u32>,
     definition: Option<(u32, String, [f64; 2])>,
+    /// Whether the registry has the northing first.
+    is_north_first: bool,
     /// From what heights are measured; `None` for the ellipsoid.
     geoid: Option<Geoid>,
 }
@@ -26,6 +28,7 @@ impl EarthPlace {
             degrees: Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?,
             geocentric: Proj::from_proj_string("+proj=geocent +datum=WGS84").ok()?,
             epsg: horizontal.code,
+            is_north_first: horizontal.axes == Axes::NORTH_EAST,
             definition: base
                 .zip(definition.ellipsoid_m())
                 // On a sphere the inverse flattening is infinite.
@@ -51,6 +54,12 @@ impl EarthPlace {
     #[must_use]
     pub fn epsg(&self) -> Option<u32> {
         self.epsg
+    }
+
+    /// Whether coordinates in the order of the registry have the northing first.
+    #[must_use]
+    pub fn is_north_first(&self) -> bool {
+        self.is_north_first
     }
 
     /// EPSG code of the geographic system that is projected, the definition for PROJ, and semi-major axis in metres and inverse
@@ -165,6 +174,8 @@ mod tests {
         assert!((inverse_flattening - 299.152_812_8).abs() < 1e-5, "{inverse_flattening}");
         assert!(text.contains("+proj=sterea"), "{text}");
         assert!(EarthPlace::of("nowhere").is_none());
+        // New Zealand's grid.
+        assert!(!place.is_north_first() && EarthPlace::of("EPSG:2193").unwrap().is_north_first());
     }
 
     #[test]

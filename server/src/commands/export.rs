@@ -200,7 +200,8 @@ fn write_table(
 /// How the coordinate system of a city is defined; `None` if nobody knows.
 pub(super) fn plane_of(place: &EarthPlace) -> Option<PlaneDefinition> {
     let (base_epsg, proj, ellipsoid) = place.definition()?;
-    Some(PlaneDefinition { base_epsg, proj: proj.to_owned(), ellipsoid })
+    let is_north_first = place.is_north_first();
+    Some(PlaneDefinition { base_epsg, proj: proj.to_owned(), ellipsoid, is_north_first })
 }
 
 /// Which option alone selects nothing, as a reason; `None` if none does.

@@ -30,6 +30,7 @@ fn plane() -> PlaneDefinition {
         base_epsg: 4289,
         proj: "+proj=sterea +lat_0=52".into(),
         ellipsoid: [6_377_397.155, 299.152_812_8],
+        is_north_first: false,
     }
 }
 
