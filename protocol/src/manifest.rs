@@ -376,7 +376,7 @@ mod tests {
         // What says no more is not added, and what says more replaces it.
         let mut found = vec![source("OpenStreetMap contributors", None, None)];
         assert!(osm.clone().add_to(&mut found) && !source("openstreetmap contributors", None, None).add_to(&mut found));
-        assert_eq!(found, [osm.clone()]);
+        assert_eq!(found, std::slice::from_ref(&osm));
         assert!(source("OpenStreetMap contributors", Some("CC0"), None).add_to(&mut found));
         assert_eq!(found.len(), 2);
     }
