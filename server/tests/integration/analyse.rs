@@ -86,6 +86,19 @@ fn area_m2(feature: &Value) -> f64 {
     polygons.iter().flat_map(|polygon| polygon.as_array().unwrap()).map(of_ring).sum()
 }
 
+/// Whether two values are equal but for the order in which threads add.
+fn is_alike(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Object(a), Value::Object(b)) => {
+            a.len() == b.len() && a.iter().all(|(key, value)| b.get(key).is_some_and(|other| is_alike(value, other)))
+        }
+        (Value::Number(a), Value::Number(b)) => {
+            a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| (a - b).abs() <= 1e-5 * b.abs().max(1.0))
+        }
+        _ => a == b,
+    }
+}
+
 fn count(places: &Value) -> f64 {
     places["count"].as_f64().unwrap()
 }
@@ -108,7 +121,7 @@ async fn answers_are_those_of_the_command() {
         );
         let expected: Value = serde_json::from_slice(&text).unwrap();
         for name in ["title", "unit", "asked", "notes", "roofs", "walls", "ground", "attribution"] {
-            assert_eq!(answer[name], expected[name], "{command}: {name}");
+            assert!(is_alike(&answer[name], &expected[name]), "{command}: {name}: {} {}", answer[name], expected[name]);
         }
         let features = answer["features"].as_array().unwrap();
         assert_eq!(answer["square_m"], 1.0);

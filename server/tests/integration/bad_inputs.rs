@@ -140,11 +140,7 @@ fn bake_without_a_good_input_fails_with_the_first_bad_one() {
         let output = run(folder.path(), &[&["bake", "--out", "c", "--skip-bad-inputs"][..], inputs].concat());
         let lines = told(&output);
         assert!(output.status.code() == Some(1) && lines.len() == 1, "{lines:?}");
-        assert!(
-            lines[0].starts_with("error: bake: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"),
-            "{}",
-            lines[0]
-        );
+        assert!(lines[0].starts_with("error: bake: a.kml: KML") && lines[0].ends_with("a.gpkg a.kml"), "{}", lines[0]);
         assert!(!folder.path().join("c.partial").exists());
     }
     fs::create_dir(folder.path().join("in")).unwrap();

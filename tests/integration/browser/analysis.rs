@@ -5,7 +5,7 @@ use super::{
     viewer::{REACTION, ensure_no_problems, keep},
 };
 use anyhow::{Result, ensure};
-use insula_bake::BakeOptions;
+use insula_bake::{BakeOptions, GroundOption};
 use insula_tests::{
     browser::{PageOptions, city_page::CityPage},
     fixtures,
@@ -26,7 +26,10 @@ const IS_DRAWN: &str = "(canvas => canvas.getContext('2d').getImageData(0, 0, ca
 fn open(at_once: &str) -> Result<(ServerProcess, CityPage)> {
     let folder = tempfile::tempdir()?;
     let input = fixtures::write_city_json(folder.path(), HOUSES_PER_SIDE)?;
-    let city = fixtures::baked("analysed-town", &BakeOptions { inputs: vec![input], ..BakeOptions::default() })?;
+    let city = fixtures::baked(
+        "analysed-town",
+        &BakeOptions { inputs: vec![input], ground: GroundOption::Auto, ..BakeOptions::default() },
+    )?;
     let mut command = Command::new(program("insula-server")?);
     let setting = format!("analyses.at_once={at_once}");
     let server = ServerProcess::start(&mut command, &city, "127.0.0.1:0", &[&setting])?;
