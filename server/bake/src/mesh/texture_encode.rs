@@ -3,7 +3,7 @@
 //! Lossy files are searched for the coarsest quantiser that reaches the quality asked for. The quality is the peak
 //! signal-to-noise ratio (PSNR) over the texels that triangles show, and that plain surfaces keep their tint: a roof or
 //! the ground goes on in the texture of the next node, and the eye sees a border between two tints where the ratio sees
-//! nothing. Textures with few colours are also tried without loss.
+//! nothing. Textures with few colours or many plain squares are also tried without loss.
 
 use std::collections::HashSet;
 
@@ -35,8 +35,7 @@ const SQUARE: usize = 8;
 const PLAIN_RANGE: u8 = 6;
 /// A texture is looked at for its tint if this share of its squares is plain: those of photographs are not.
 const PLAIN_SHARE: f64 = 0.25;
-/// Largest error of the tint of plain squares, as root of the mean square of red and blue less green. At 1, the textures of
-/// a town of plain walls take two thirds more bytes than without it.
+/// Largest error of the tint of plain squares, as root of the mean square of red and blue less green.
 const MAX_TINT: f64 = 1.4;
 /// Textures with at most this many colours may be smaller without loss.
 const FEW_COLOURS: usize = 256;
@@ -62,12 +61,13 @@ struct EncodingTrial {
 impl MaskedTexture<'_> {
     /// The smallest file found that reaches `quality`; `None` if it is too large for a tile.
     pub(super) fn encode(&self, quality: Quality) -> Option<Vec<u8>> {
+        let plain = self.plain_squares();
         let lossy = match quality {
             Quality::Lossless => None,
-            Quality::Decibels(db) => self.search_lossy(f64::from(db) - TEXTURE_ALLOWANCE_DB),
+            Quality::Decibels(db) => self.search_lossy(f64::from(db) - TEXTURE_ALLOWANCE_DB, &plain),
         };
         let best = match lossy {
-            Some(lossy) if !self.has_few_colours() => lossy,
+            Some(lossy) if plain.is_empty() && !self.has_few_colours() => lossy,
             lossy => {
                 let lossless = self.encode_with(|config| config.lossless = 1)?;
                 lossy.filter(|lossy| lossy.len() <= lossless.len()).unwrap_or(lossless)
@@ -85,7 +85,7 @@ impl MaskedTexture<'_> {
     }
 
     /// The smallest of at most [`MAX_TRIALS`] files with a PSNR of at least `min_db`; `None` if none reaches it.
-    fn search_lossy(&self, min_db: f64) -> Option<Vec<u8>> {
+    fn search_lossy(&self, min_db: f64, plain: &[usize]) -> Option<Vec<u8>> {
         let mut best: Option<Vec<u8>> = None;
         // The coarsest quantiser that is good enough, and the finest one that is not.
         let mut good: Option<EncodingTrial> = None;
@@ -93,7 +93,7 @@ impl MaskedTexture<'_> {
         let mut quantiser = FIRST_QUANTISER;
         for _ in 0..MAX_TRIALS {
             let file = self.encode_with(|config| config.quality = quality_of_quantiser(quantiser))?;
-            let trial = EncodingTrial { quantiser, score_db: self.score_db(&file, min_db)? };
+            let trial = EncodingTrial { quantiser, score_db: self.score_db(&file, min_db, plain)? };
             let is_good = trial.score_db >= min_db;
             if is_good && best.as_ref().is_none_or(|best| file.len() < best.len()) {
                 best = Some(file);
@@ -124,40 +124,45 @@ impl MaskedTexture<'_> {
         Some(Encoder::from_rgb(self.rgb, width, height).encode_advanced(&config).ok()?.to_vec())
     }
 
-    /// PSNR of a file, or what is left of `min_db` where plain surfaces have another tint.
-    fn score_db(&self, file: &[u8], min_db: f64) -> Option<f64> {
+    /// PSNR of a file, or what is left of `min_db` where plain squares have another tint.
+    fn score_db(&self, file: &[u8], min_db: f64, plain: &[usize]) -> Option<f64> {
         let decoded = decode_webp(file, self.size).ok()?;
-        let tint = self.tint_error(&decoded);
+        let tint = self.tint_error(&decoded, plain);
         let kept_db = if tint > MAX_TINT { min_db - 20.0 * libm::log10(tint / MAX_TINT) } else { f64::INFINITY };
         Some(self.psnr_db(&decoded).min(kept_db))
     }
 
-    /// How much the tint of plain squares differs from that of the decoded texture, in steps of a channel; 0 if few squares are plain.
-    fn tint_error(&self, decoded: &[u8]) -> f64 {
+    /// The first texels of plain squares; none if few squares are plain.
+    fn plain_squares(&self) -> Vec<usize> {
         let [width, height] = self.size.map(|texels| texels as usize);
-        let (mut sum, mut plain, mut shown) = (0.0, 0u32, 0u32);
-        for (x, y) in (0..height / SQUARE).flat_map(|y| (0..width / SQUARE).map(move |x| (x * SQUARE, y * SQUARE))) {
-            let texels = || (0..SQUARE * SQUARE).map(|i| (y + i / SQUARE) * width + x + i % SQUARE);
-            if !texels().all(|texel| self.is_shown[texel]) {
-                continue;
-            }
-            shown += 1;
-            let (mut low, mut high, mut differences) = ([u8::MAX; 3], [0; 3], [0i32; 3]);
-            for texel in texels() {
-                for k in 0..3 {
-                    let value = self.rgb[3 * texel + k];
-                    (low[k], high[k]) = (low[k].min(value), high[k].max(value));
-                    differences[k] += i32::from(decoded[3 * texel + k]) - i32::from(value);
-                }
-            }
-            if (0..3).all(|k| high[k] - low[k] <= PLAIN_RANGE) {
-                plain += 1;
-                let [r, g, b] = differences.map(|difference| f64::from(difference) / (SQUARE * SQUARE) as f64);
-                sum += 0.5 * ((r - g) * (r - g) + (b - g) * (b - g));
-            }
-        }
-        let is_plain = plain > 0 && f64::from(plain) >= PLAIN_SHARE * f64::from(shown);
-        if is_plain { libm::sqrt(sum / f64::from(plain)) } else { 0.0 }
+        let corners = (0..height / SQUARE).flat_map(|y| (0..width / SQUARE).map(move |x| (y * width + x) * SQUARE));
+        let shown: Vec<usize> =
+            corners.filter(|corner| self.texels_of(*corner).all(|texel| self.is_shown[texel])).collect();
+        let is_plain = |corner: &usize| {
+            (0..3).all(|k| {
+                let values = || self.texels_of(*corner).map(|texel| self.rgb[3 * texel + k]);
+                values().max().zip(values().min()).is_some_and(|(high, low)| high - low <= PLAIN_RANGE)
+            })
+        };
+        let plain: Vec<usize> = shown.iter().copied().filter(is_plain).collect();
+        if plain.len() as f64 >= PLAIN_SHARE * shown.len() as f64 { plain } else { Vec::new() }
+    }
+
+    fn texels_of(&self, corner: usize) -> impl Iterator<Item = usize> + use<> {
+        let width = self.size[0] as usize;
+        (0..SQUARE * SQUARE).map(move |i| corner + i / SQUARE * width + i % SQUARE)
+    }
+
+    /// How much the tint of squares differs from that of the decoded texture, in steps of a channel.
+    fn tint_error(&self, decoded: &[u8], squares: &[usize]) -> f64 {
+        let square = |corner: &usize| {
+            let [r, g, b] = [0, 1, 2].map(|k| {
+                let of = |rgb: &[u8]| self.texels_of(*corner).map(|texel| u32::from(rgb[3 * texel + k])).sum::<u32>();
+                (f64::from(of(decoded)) - f64::from(of(self.rgb))) / (SQUARE * SQUARE) as f64
+            });
+            0.5 * ((r - g) * (r - g) + (b - g) * (b - g))
+        };
+        libm::sqrt(squares.iter().map(square).sum::<f64>() / squares.len().max(1) as f64)
     }
 
     /// PSNR of the shown texels, decoded as the client will decode them.
@@ -247,7 +252,7 @@ mod tests {
             let rgb: Vec<u8> = (0..width * height).flat_map(texel).collect();
             let texture = MaskedTexture { size: [width, height], rgb: &rgb, is_shown: &vec![true; rgb.len() / 3] };
             let file = texture.encode(Quality::Decibels(36.0)).unwrap();
-            let tint = texture.tint_error(&decode_webp(&file, [width, height]).unwrap());
+            let tint = texture.tint_error(&decode_webp(&file, [width, height]).unwrap(), &texture.plain_squares());
             assert!(tint <= MAX_TINT, "{warm}: {tint}");
         }
     }
