@@ -162,7 +162,7 @@ impl Session {
         self.proposal.as_ref()
     }
 
-    /// Shows the city with the proposal, or as it is, from the next frame on.
+    /// Shows the city with or without the proposal from the next frame on.
     pub fn show_proposal(&mut self, is_shown: bool) {
         self.proposal.iter_mut().for_each(|proposal| proposal.set_shown(is_shown));
         self.streamer.show_additions(is_shown);

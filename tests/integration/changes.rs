@@ -118,7 +118,7 @@ fn cities_without_a_map_in_common_are_refused() {
     let (code, error) = run(folder, "changes dutch bare --out changes.csv");
     assert!(code == Some(2) && error.contains("28992") && error.contains("--crs"), "{error}");
     assert!(!folder.join("changes.csv").exists());
-    // Nobody can tell whether two origins are one.
+    // Cities without a coordinate system are compared as if they had one origin, with a note.
     let (code, error) = run(folder, "changes bare bare --out changes.csv");
     assert!(code == Some(0) && error.contains("both in metres of their own"), "{error}");
     fs::remove_file(folder.join("changes.csv")).unwrap();

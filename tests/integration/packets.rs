@@ -123,7 +123,7 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
     Ok(())
 }
 
-/// Meshes that are not in the grid, before and behind what is in it, and in its shadow.
+/// Packets and single rays agree on added meshes: in front of the city, behind it, and in its shadow.
 fn packets_draw_what_is_added_to_a_city() -> Result<()> {
     let mut differing = 0;
     for (seed, city) in cities().iter().enumerate() {

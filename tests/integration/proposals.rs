@@ -98,7 +98,7 @@ fn blocks_are_seen_and_removed_buildings_are_not() {
     let tower = objects(folder, "tower");
     let is_tower = |pixel: usize| tower[pixel] == FIRST_ADDED;
     assert!(count(&tower, FIRST_ADDED) > 100 && count(&tower, house) > 100);
-    // Where the tower is seen, it is nearer than what was seen before; nearly all else stays where it is.
+    // Pixels of the tower are nearer than before. Nearly all other pixels keep their distance.
     let (before, after) = (distances(folder, "plain"), distances(folder, "tower"));
     assert!((0..plain.len()).filter(|pixel| is_tower(*pixel)).all(|pixel| after[pixel] < before[pixel]));
     let moved = (0..plain.len()).filter(|pixel| !is_tower(*pixel) && after[*pixel] != before[*pixel]).count();

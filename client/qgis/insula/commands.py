@@ -71,7 +71,7 @@ def bake(inputs, out, *, crs="", bbox=None, cell_m=1.0, title="", height_field="
     if not inputs:
         raise UsageError("choose a file or a folder to bake")
     if mode not in ("", "update", "resume"):
-        raise UsageError(f"{mode}: bake anew, update or resume")
+        raise UsageError(f"unknown mode {mode!r}: choose a new city, update or resume")
     options = [f"--out={out}", f"--cell={_number(cell_m)}", *_text("crs", crs), *_area(bbox)]
     options += [*_text("title", title), *_text("height-field", height_field), *_flag(mode, mode)]
     return ["bake", "--json", *options, *further(more), "--", *inputs]

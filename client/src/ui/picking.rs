@@ -69,7 +69,7 @@ impl CityView {
         self.set_styles(self.session.cache().styles().clone());
     }
 
-    /// Shows the city with the proposal, or as it is. What is not there then is not selected.
+    /// Shows the city with or without the proposal, and deselects objects that are no longer shown.
     pub(super) fn show_proposal(&mut self, is_shown: bool) {
         self.session.show_proposal(is_shown);
         let proposal = self.session.proposal();

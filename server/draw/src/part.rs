@@ -80,7 +80,7 @@ impl DrawnPart {
         Ok(order.iter().filter_map(shown).collect())
     }
 
-    /// Where faces that an eye may see in a volume pass through a plane at a cut of the tree. `is_asked` tells of which triangles.
+    /// Intersections of visible faces with the plane at a cut of the tree, within a view volume. `is_asked` selects the triangles.
     pub(crate) fn meetings(
         &self,
         cut: u32,

@@ -32,7 +32,7 @@ pub struct ProposedChange {
     pub(super) ids: BTreeSet<String>,
     /// Objects that pass the filters.
     pub(super) numbers: RoaringBitmap,
-    /// What stands there is removed.
+    /// Areas in which everything above the ground is removed.
     pub(super) areas: Vec<Polygon>,
 }
 

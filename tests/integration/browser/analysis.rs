@@ -66,7 +66,7 @@ pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
     page.page.wait_for(&format!("{state}.startsWith('Here: ')"), REACTION)?;
     let selected = page.page.evaluate(&format!("{}.selection.length", CityPage::element(0)))?;
     ensure!(selected == 0, "a click on the colours selects {selected} objects");
-    // What is wrong is said in words.
+    // The panel shows the server's reason for a failure.
     page.page.evaluate(
         "globalThis.fetch = () => Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 })); 0",
     )?;

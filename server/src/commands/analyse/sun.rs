@@ -32,7 +32,7 @@ use std::{io::Cursor, path::Path};
 
 /// How far around points the ground is read.
 const GROUND_M: f64 = 20.0;
-/// The same where a proposal may remove what stands on it.
+/// The same with a proposal, which may remove buildings around the points.
 const CLEARED_GROUND_M: f64 = 100.0;
 /// Largest file of points.
 const MAX_POINTS_BYTES: u64 = 256 << 20;
