@@ -114,9 +114,10 @@ async function ask({ src }, question, signal) {
   url.pathname = url.pathname.replace(/\/*$/, '/analyse');
   const headers = { 'content-type': 'application/json' };
   const response = await fetch(url, { method: 'POST', headers, body: JSON.stringify(question), signal });
-  const answer = await response.json();
-  if (!response.ok) throw new Error(answer.detail);
-  return answer;
+  if (response.ok) return response.json();
+  // A proxy in between answers with pages of its own.
+  const { detail } = await response.json().catch(() => ({}));
+  throw new Error(detail ?? `HTTP ${response.status}`);
 }
 
 /** What draws on the city, which is fetched when it is needed first. @type {Promise<any>|null} */

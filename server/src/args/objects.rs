@@ -59,7 +59,7 @@ pub struct ExportArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub area: AreaArgs,
-    /// 3D Tiles for QGIS, ArcGIS Pro and others that read neither implicit tiling nor compression, two to three times as large
+    /// 3D Tiles for QGIS, ArcGIS Pro and others that read neither implicit tiling nor compression, two and a half to four times as large
     #[arg(long)]
     pub plain: bool,
     /// Only objects that pass, as in 'height > 20'
