@@ -5,6 +5,7 @@ use super::{
     pairs::{OverlapPair, overlapping},
     shapes::BuildingShapes,
 };
+use crate::table::ExportError;
 use std::collections::HashMap;
 
 /// Buildings with this overlap are the same one, and so are all parts of one together.
@@ -33,8 +34,13 @@ pub(super) struct ChangeGroups {
 
 impl ChangeGroups {
     /// Groups all buildings. Into one whose footprint is the same, which it is from an overlap of `same_footprint` on, nothing was merged.
-    pub(super) fn new(before: &BuildingShapes, after: &BuildingShapes, same_footprint: f64) -> Self {
-        let pairs = overlapping(before, after);
+    /// Fails if too many lie upon each other.
+    pub(super) fn new(
+        before: &BuildingShapes,
+        after: &BuildingShapes,
+        same_footprint: f64,
+    ) -> Result<Self, ExportError> {
+        let pairs = overlapping(before, after)?;
         let same = same_buildings(&pairs, before, after);
         let mut parts = parts(&pairs, &same, [before, after], same_footprint);
         let mut sets = BuildingSets::new(before, after);
@@ -58,7 +64,7 @@ impl ChangeGroups {
         parts.retain(|pair| sums.get(&sets.of(pair)[0]).is_some_and(|sum| sum.overlap() >= SAME_BUILDING));
         let mut sets = BuildingSets::new(before, after);
         same.iter().chain(&parts).for_each(|pair| sets.join(pair));
-        sets.groups(&pairs, before, after)
+        Ok(sets.groups(&pairs, before, after))
     }
 
     /// The buildings of each group in the earlier and in the later city, and their overlap.
@@ -214,7 +220,7 @@ mod tests {
 
     /// The groups as the indices of the earlier and the later buildings, and hundredths of overlap.
     fn groups(before: Boxes<'_>, after: Boxes<'_>) -> Vec<(Vec<u32>, Vec<u32>, u32)> {
-        let groups = ChangeGroups::new(&city(before), &city(after), 0.9);
+        let groups = ChangeGroups::new(&city(before), &city(after), 0.9).unwrap();
         let indices = |members: &[Member]| -> Vec<u32> { members.iter().map(|(_, index)| *index).collect() };
         groups.iter().map(|([a, b], overlap)| (indices(a), indices(b), (overlap * 100.0).round() as u32)).collect()
     }

@@ -36,6 +36,8 @@ use std::path::Path;
 const AROUND_M: f64 = 200.0;
 /// Tiles round heights: so much of a step is one.
 const NEARLY: f64 = 0.99;
+/// Most identifiers of a cell. Each building of a group has those of all before it.
+const MAX_NAMES: usize = 100;
 
 /// The columns: name, type and unit. The last one only if attributes are compared.
 const COLUMNS: [(&str, ValueType, Option<&str>); 13] = [
@@ -119,7 +121,7 @@ pub fn write_changes(
         BuildingShapes::read(&before, area_before, &after.grid, on_map)?,
         BuildingShapes::read(&after, area_after, &after.grid, &Some::<[f64; 2]>)?,
     ];
-    let groups = ChangeGroups::new(&shapes[0], &shapes[1], options.same_footprint);
+    let groups = ChangeGroups::new(&shapes[0], &shapes[1], options.same_footprint)?;
     let manifest = manifest_of_both(before.manifest, after.manifest);
     let cities = [before, after];
     let attributes = ComparedAttributes::new(&options.attributes, &cities);
@@ -162,6 +164,10 @@ impl CityComparison<'_> {
     ) -> Result<Vec<Record>, ExportError> {
         let [before, after] = members.map(|all| all.iter().map(|(_, index)| *index).collect::<Vec<u32>>());
         let (city, shown) = if after.is_empty() { (0, &before) } else { (1, &after) };
+        // Once for all rows of the later city, of which there may be as many as buildings before them.
+        let mut side_before = None;
+        let counts = [&before, &after].map(Vec::len);
+        let earlier_m = before.iter().map(|index| self.shapes[0].all[*index as usize].height_m()).fold(0.0, f64::max);
         let mut rows = Vec::new();
         for index in shown {
             let shape = &self.shapes[city].all[*index as usize];
@@ -174,7 +180,7 @@ impl CityComparison<'_> {
                 (true, _) => ("built", String::new(), [none, own]),
                 (_, true) => ("demolished", String::new(), [own, none]),
                 _ => {
-                    let mut what = self.what_changed([&before, &after], shape, overlap, changes);
+                    let mut what = self.what_changed(counts, shape.height_m() - earlier_m, overlap, changes);
                     if !others.is_empty() {
                         what.push("attributes");
                         changes.attributes += 1;
@@ -195,7 +201,12 @@ impl CityComparison<'_> {
             }
             let text = |text: &str| Some(Value::Text(text.to_owned())).filter(|_| !text.is_empty());
             let mut values = vec![text(change), text(&what), Some(rounded(shape.height_m()))];
-            values.extend(self.side(0, sides[0])?);
+            let known = match side_before.take().filter(|_| city == 1) {
+                Some(known) => known,
+                None => self.side(0, sides[0])?,
+            };
+            values.extend(known.iter().cloned());
+            side_before = Some(known);
             values.extend(self.side(1, sides[1])?);
             values.push((overlap > 0.0).then(|| rounded(overlap)));
             values.push(text(&others.join("; ")));
@@ -204,22 +215,22 @@ impl CityComparison<'_> {
         Ok(rows)
     }
 
-    /// What is another of a building than of those before it, in words. Counts it.
+    /// What is another of a building than of those before it, in words: of so many in each city, it is `rise` higher than the highest.
+    /// Counts it.
     fn what_changed(
         &self,
-        [before, after]: [&[u32]; 2],
-        shape: &BuildingShape,
+        [before, after]: [usize; 2],
+        rise: f64,
         overlap: f64,
         changes: &mut ChangeReport,
     ) -> Vec<&'static str> {
-        let earlier = before.iter().map(|index| self.shapes[0].all[*index as usize].height_m()).fold(0.0, f64::max);
-        let (rise, step) = (shape.height_m() - earlier, NEARLY * self.options.height_step_m);
+        let step = NEARLY * self.options.height_step_m;
         let reasons = [
             (rise >= step, "higher", &mut changes.higher),
             (-rise >= step, "lower", &mut changes.lower),
             (overlap < self.options.same_footprint, "footprint", &mut changes.footprint),
-            (after.len() > 1, "split", &mut changes.split),
-            (before.len() > 1, "merged", &mut changes.merged),
+            (after > 1, "split", &mut changes.split),
+            (before > 1, "merged", &mut changes.merged),
         ];
         let mut words = Vec::new();
         for (is_so, word, number) in reasons {
@@ -243,11 +254,12 @@ impl CityComparison<'_> {
         let shapes: Vec<&BuildingShape> =
             buildings.iter().map(|index| &self.shapes[city].all[*index as usize]).collect();
         let mut names = Vec::new();
-        for shape in &shapes {
+        for shape in shapes.iter().take(MAX_NAMES) {
             names.push(self.cities[city].identifier(shape.object)?);
         }
         names.retain(|name| !name.is_empty());
         names.sort();
+        names.extend(shapes.len().checked_sub(MAX_NAMES).filter(|more| *more > 0).map(|more| format!("{more} more")));
         let number = match shapes[..] {
             [] => return Ok([None, None, None, None]),
             [only] => Some(Value::Integer(i64::from(only.object))),

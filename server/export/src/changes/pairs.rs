@@ -2,7 +2,10 @@
 //! its neighbours.
 
 use super::shapes::{BuildingShape, BuildingShapes};
-use crate::{rings::twice_area, table::grid::MapPoint};
+use crate::{
+    rings::twice_area,
+    table::{ExportError, grid::MapPoint},
+};
 use i_overlay::core::{
     fill_rule::FillRule,
     overlay::{IntOverlayOptions, Overlay, ShapeType},
@@ -16,6 +19,9 @@ const CELL_SHIFT: u32 = 16;
 const MAX_CELLS: i64 = 256;
 /// Neighbours share less than this of the smaller one, because walls are rounded and drawn twice.
 const LEAST_SHARE: f64 = 0.1;
+/// Points that are compared for each building, and besides. A building meets a few of some ten points; many upon each other meet all others.
+const POINTS_OF_BUILDING: usize = 1000;
+const POINTS_BESIDES: usize = 1_000_000;
 
 /// Two buildings that overlap, as indices into the buildings of their cities.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,9 +34,11 @@ pub(super) struct OverlapPair {
     pub(super) overlap: f64,
 }
 
-/// All pairs that share more than neighbours do, by the number of the earlier building.
-pub(super) fn overlapping(before: &BuildingShapes, after: &BuildingShapes) -> Vec<OverlapPair> {
+/// All pairs that share more than neighbours do, by the number of the earlier building. Fails if so many lie upon each other that they
+/// would take hours.
+pub(super) fn overlapping(before: &BuildingShapes, after: &BuildingShapes) -> Result<Vec<OverlapPair>, ExportError> {
     let cells = BuildingCells::new(&after.all);
+    let mut left = POINTS_OF_BUILDING * (before.all.len() + after.all.len()) + POINTS_BESIDES;
     let mut pairs = Vec::new();
     let mut near = Vec::new();
     for (number, shape) in (0u32..).zip(&before.all) {
@@ -40,6 +48,12 @@ pub(super) fn overlapping(before: &BuildingShapes, after: &BuildingShapes) -> Ve
             if !touch(shape, later) {
                 continue;
             }
+            let points = before.rings(shape).chain(after.rings(later)).map(<[MapPoint]>::len).sum::<usize>();
+            let Some(rest) = left.checked_sub(points) else {
+                let reason = "too many of its buildings lie upon each other; choose a smaller area".to_owned();
+                return Err(ExportError::TooLarge { format: "a comparison", reason });
+            };
+            left = rest;
             let shared = shared_area(before, shape, after, later);
             if shared > 0.0 && shared >= LEAST_SHARE * shape.area.min(later.area) {
                 let overlap = shared / (shape.area + later.area - shared);
@@ -47,7 +61,7 @@ pub(super) fn overlapping(before: &BuildingShapes, after: &BuildingShapes) -> Ve
             }
         }
     }
-    pairs
+    Ok(pairs)
 }
 
 /// The area that two buildings cover.
@@ -123,7 +137,7 @@ mod tests {
         // Beside each other, one half in another, and far away over many cells.
         let before = city(&[("a", [0, 0, 10, 10], 9), ("b", [10, 0, 20, 10], 9), ("c", [300, 0, 310, 10], 9)]);
         let after = city(&[("x", [0, 0, 10, 10], 9), ("y", [15, 0, 25, 10], 9), ("z", [305, -9000, 310, 9000], 9)]);
-        let pairs = overlapping(&before, &after);
+        let pairs = overlapping(&before, &after).unwrap();
         let found: Vec<_> = pairs.iter().map(|pair| (pair.before, pair.after, pair.shared / 1e6)).collect();
         assert_eq!(found, [(0, 0, 100.0), (1, 1, 50.0), (2, 2, 50.0)]);
         assert!((pairs[0].overlap - 1.0).abs() < 1e-9 && (pairs[1].overlap - 1.0 / 3.0).abs() < 1e-9);
@@ -135,7 +149,16 @@ mod tests {
         let small = city(&[("x", [8000, 8000, 8010, 8010], 9), ("y", [9100, 0, 9110, 10], 9)]);
         assert!(cells_of(&large.all[0]).is_none());
         let found = |pairs: Vec<OverlapPair>| pairs.iter().map(|pair| [pair.before, pair.after]).collect::<Vec<_>>();
-        assert_eq!(found(overlapping(&large, &small)), [[0, 0]]);
-        assert_eq!(found(overlapping(&small, &large)), [[0, 0]]);
+        assert_eq!(found(overlapping(&large, &small).unwrap()), [[0, 0]]);
+        assert_eq!(found(overlapping(&small, &large).unwrap()), [[0, 0]]);
+    }
+
+    #[test]
+    fn many_buildings_upon_each_other_are_refused() {
+        let stack = |count: usize| city(&vec![("a", [0, 0, 10, 10], 9); count]);
+        let pairs = overlapping(&stack(50), &stack(50)).unwrap();
+        assert_eq!(pairs.len(), 2500, "the flats of a tower");
+        let error = overlapping(&stack(3000), &stack(3000)).unwrap_err();
+        assert!(error.to_string().contains("upon each other"), "{error}");
     }
 }
