@@ -9,7 +9,7 @@ use crate::{
 use glam::DVec2;
 use insula_export::{
     raster::CellExtent,
-    selection::{ObjectSelection, Polygon},
+    selection::{Polygon, SelectedArea},
 };
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
@@ -140,15 +140,16 @@ impl CitySurface {
 
     /// Indices of the cells with the middle in a polygon.
     fn cells_in(&self, area: &Polygon) -> impl Iterator<Item = usize> {
-        let selection = ObjectSelection { polygons: Some(vec![area.clone()]), ..ObjectSelection::default() };
         let [low, high] = bounds_of(area);
         let [columns, rows] = self.span(low, high);
-        let middles = rows.flat_map(move |y| columns.clone().map(move |x| [x, y]));
+        let area = SelectedArea::new(vec![area.clone()]);
         let (width, corner, cell_m) = (self.size()[0], self.corner, self.cell_m);
-        middles.filter_map(move |[x, y]| {
-            let middle = [x, y].map(|v| v as f64 + 0.5);
-            let place = [0, 1].map(|k| corner[k] + middle[k] * cell_m);
-            selection.contains_point(place).then_some(y * width + x)
+        let middle = move |cell: usize, axis: usize| corner[axis] + (cell as f64 + 0.5) * cell_m;
+        // Row by row, because a border may have many corners.
+        rows.flat_map(move |y| {
+            let crossings = area.crossings(middle(y, 1));
+            let is_inside = move |x: &usize| crossings.partition_point(|at| *at <= middle(*x, 0)) % 2 == 1;
+            columns.clone().filter(is_inside).map(move |x| y * width + x)
         })
     }
 

@@ -342,6 +342,8 @@ impl BakeConfig {
             stone: options.stone.clone(),
             max_document_bytes: self.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.max_line_bytes().min(defaults.max_line_bytes),
+            // All allocations of a bake have a limit.
+            max_held_bytes: u64::MAX,
             ..defaults
         }
     }

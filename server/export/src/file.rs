@@ -72,7 +72,8 @@ fn check(selection: &ObjectSelection) -> Result<(), ExportError> {
             return wrong("the box must be west, south, east, north, in metres of the city's coordinate system");
         }
     }
-    if let Some(polygons) = &selection.polygons {
+    if let Some(area) = &selection.polygons {
+        let polygons = area.polygons();
         let mut rings = polygons.iter().flatten();
         let is_valid = |ring: &Vec<[f64; 2]>| ring.len() >= 3 && ring.iter().flatten().all(|v| v.is_finite());
         if polygons.iter().any(Vec::is_empty) || polygons.is_empty() || !rings.all(is_valid) {

@@ -21,7 +21,7 @@ use insula_export::{
     file,
     format::{Format, PlaneDefinition, Projections},
     glb::{self, ExportView},
-    selection::{ObjectSelection, passing},
+    selection::{ObjectSelection, SelectedArea, passing},
     source::{ExportSource, SourceError},
     table::{ExportReport, TableOptions},
     tiles3d::{Destination, Tileset, TilesetForm, write_tileset},
@@ -271,7 +271,7 @@ fn selection(
     let polygons = args.polygon.as_deref().map(|path| read_polygons(path, city, place)).transpose();
     let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--polygon {reason}")))?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
-    Ok(ObjectSelection { bbox, polygons, objects })
+    Ok(ObjectSelection { bbox, polygons: polygons.map(SelectedArea::new), objects })
 }
 
 /// The objects that pass a filter, with the parts of those that do.

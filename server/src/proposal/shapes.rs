@@ -5,7 +5,7 @@ use insula_analysis::proposal::Addition;
 use insula_bake::read::{BuildingHeight, GroundPlans, PrismMaterials, Triangulator};
 use insula_export::{
     leaves::is_land,
-    selection::{ObjectSelection, Polygon},
+    selection::{ObjectSelection, Polygon, SelectedArea},
     source::ExportSource,
 };
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBounds};
@@ -59,7 +59,8 @@ impl ProposedChange {
         if !proposal.removes() {
             return Ok(Vec::new());
         }
-        let areas = ObjectSelection { polygons: Some(self.areas.clone()), ..ObjectSelection::default() };
+        let polygons = Some(SelectedArea::new(self.areas.clone()));
+        let areas = ObjectSelection { polygons, ..ObjectSelection::default() };
         let origin = source.manifest().origin;
         let (mut removed, mut parts) = (BTreeSet::new(), Vec::new());
         let mut missing: BTreeSet<&str> = self.ids.iter().map(String::as_str).collect();

@@ -56,6 +56,8 @@ pub struct ReadOptions {
     pub max_source_bytes: u64,
     /// CityJSON documents with more unpacked bytes are refused: the text is in memory while it is read.
     pub max_document_bytes: u64,
+    /// A scene whose triangles and texels take more bytes of memory is refused, where they are not in scratch files.
+    pub max_held_bytes: u64,
     /// Longer lines of a CityJSONSeq or GeoJSON are skipped. A larger feature of a GeoJSON document is an error.
     pub max_line_bytes: u64,
     /// Colours of surfaces, and what is done with those of the source.
@@ -109,6 +111,7 @@ impl Default for ReadOptions {
             max_texture_pixels: 64 << 20,
             max_source_bytes: 8 << 30,
             max_document_bytes: 8 << 30,
+            max_held_bytes: 2 << 30,
             max_line_bytes: 256 << 20,
             palette: Palette::default(),
             texture_roots: Vec::new(),

@@ -47,6 +47,8 @@ pub(crate) struct TextureStore {
     facts: Vec<TextureFacts>,
     /// Numbers by the hashes of the textures as they were added.
     by_hash: HashMap<(ShortHash, bool), u32>,
+    /// Bytes of those in memory, without those of a cache.
+    held_bytes: u64,
     storage: TextureStorage,
     failed: Option<BakeError>,
 }
@@ -67,18 +69,22 @@ struct TextureCache {
 
 impl TextureStore {
     pub(crate) fn in_memory() -> Self {
-        Self { facts: Vec::new(), by_hash: HashMap::new(), storage: TextureStorage::Memory(Vec::new()), failed: None }
+        Self::of(TextureStorage::Memory(Vec::new()))
     }
 
     /// Keeps textures in files of the existing folder `path`, and at most `limit_bytes` of them in memory.
     pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize, budget: ScratchBudget) -> Self {
         let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit_bytes });
-        Self {
-            facts: Vec::new(),
-            by_hash: HashMap::new(),
-            storage: TextureStorage::Folder { path, cache, budget },
-            failed: None,
-        }
+        Self::of(TextureStorage::Folder { path, cache, budget })
+    }
+
+    fn of(storage: TextureStorage) -> Self {
+        Self { facts: Vec::new(), by_hash: HashMap::new(), held_bytes: 0, storage, failed: None }
+    }
+
+    /// Bytes that the texels of all textures take in memory, without those of a cache.
+    pub(crate) fn held_bytes(&self) -> u64 {
+        self.held_bytes
     }
 
     /// Stores a texture and returns its number, that of an equal one if there is one. A write error is kept until [`Self::finish`].
@@ -94,7 +100,10 @@ impl TextureStore {
         self.by_hash.insert((hash, is_pattern), number);
         self.facts.push(TextureFacts { width, height, hash, is_pattern, tone: None });
         match &mut self.storage {
-            TextureStorage::Memory(all) => all.push(texture),
+            TextureStorage::Memory(all) => {
+                self.held_bytes += texture.rgb.as_flattened().len() as u64;
+                all.push(texture);
+            }
             TextureStorage::Folder { path, budget, .. } => {
                 let (path, texels) = (texture_path(path, number), texture.rgb.as_flattened());
                 let write = || fs::write(&path, texels).map_err(|cause| BakeError::io(&path, "written", cause));
@@ -141,8 +150,7 @@ impl TextureStore {
 
     /// Textures whose texels are in files of the existing folder `path` already, see [`texture_path`].
     pub(crate) fn of_files(facts: Vec<TextureFacts>, path: PathBuf, limit_bytes: usize) -> Self {
-        let storage = Self::in_folder(path, limit_bytes, ScratchBudget::new(0)).storage;
-        Self { facts, by_hash: HashMap::new(), storage, failed: None }
+        Self { facts, ..Self::in_folder(path, limit_bytes, ScratchBudget::new(0)) }
     }
 
     /// Hash of the texture's size and texels.

@@ -115,6 +115,14 @@ impl TriangleStore {
         }
     }
 
+    /// Bytes that triangles take in memory.
+    pub(crate) fn held_bytes(&self) -> u64 {
+        match self {
+            Self::Memory(all) => (all.len() * size_of::<SceneTriangle>()) as u64,
+            Self::File(_) | Self::Parts(..) => 0,
+        }
+    }
+
     pub(crate) fn push(&mut self, triangle: SceneTriangle) {
         match self {
             Self::Memory(all) => all.push(triangle),

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     file::{export, export_values},
     format::{Format, PlaneDefinition, Projections},
-    selection::ObjectSelection,
+    selection::{ObjectSelection, SelectedArea},
 };
 use arrow_array::{Array, BinaryArray, BooleanArray, Date32Array, Float64Array, Int64Array, StringArray, StructArray};
 use flatgeobuf::{FallibleStreamingIterator, FeatureProperties, FgbReader};
@@ -213,8 +213,11 @@ fn invalid_selections_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let selections = [
         ObjectSelection { bbox: Some([[1.0, 0.0], [0.0, 1.0]]), ..ObjectSelection::default() },
-        ObjectSelection { polygons: Some(vec![vec![vec![[0.0, 0.0], [1.0, 1.0]]]]), ..ObjectSelection::default() },
-        ObjectSelection { polygons: Some(Vec::new()), ..ObjectSelection::default() },
+        ObjectSelection {
+            polygons: Some(SelectedArea::new(vec![vec![vec![[0.0, 0.0], [1.0, 1.0]]]])),
+            ..ObjectSelection::default()
+        },
+        ObjectSelection { polygons: Some(SelectedArea::new(Vec::new())), ..ObjectSelection::default() },
     ];
     for selection in selections {
         let out = folder.path().join("x");

@@ -78,6 +78,11 @@ impl SceneBuilder {
         index
     }
 
+    /// Bytes that triangles take in memory.
+    pub(crate) fn held_bytes(&self) -> u64 {
+        self.triangles.held_bytes()
+    }
+
     /// Colour of a material.
     pub(crate) fn colour(&self, material: u32) -> [u8; 3] {
         self.materials[material as usize].rgb

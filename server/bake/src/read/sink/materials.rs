@@ -119,7 +119,9 @@ impl MaterialTable {
             report.problem("too many materials", || format!("more than {MAX_MATERIALS}"));
             return 0;
         }
-        let texture = material.texture.as_ref().and_then(|texture| {
+        // Reading ends with the next object.
+        let wanted = material.texture.as_ref().filter(|_| !context.holds_too_much());
+        let texture = wanted.and_then(|texture| {
             let number = match &texture.image {
                 SourceImage::File(name) => context.textures.load(source, name, report),
                 SourceImage::Encoded { name, bytes } => context.textures.load_encoded(source, name, bytes, report),

@@ -24,6 +24,7 @@ use insula_place::PlacingOptions;
 use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};
+use insula_protocol::text::human_bytes;
 use insula_read_ground::HEIGHTS_M;
 use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
@@ -49,6 +50,13 @@ const MAX_OBJECT_TRIANGLES: u64 = 32 << 20;
 
 /// Reason for leaving out objects of a source of streets.
 const NOT_PAINTED: &str = "no street, water or green to paint, or no ground to paint it on";
+
+impl ReadContext<'_> {
+    /// Whether the city takes more memory than the options allow.
+    fn holds_too_much(&self) -> bool {
+        self.builder.held_bytes() + self.textures.textures.held_bytes() > self.options.max_held_bytes
+    }
+}
 
 /// The sink of one source.
 pub(crate) struct SceneSink<'r, 'o, 's> {
@@ -250,6 +258,11 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     /// Adds an object, of a whole building if that is known.
     fn take(&mut self, object: SourceObject, whole: Option<WholeBuilding<'_>>) -> Result<(), InputError> {
         subject::set(format_args!("{}: object {}", self.report.path, object.id));
+        if self.context.holds_too_much() {
+            let limit = human_bytes(self.context.options.max_held_bytes);
+            let what = format!("its triangles and pictures take more than {limit} of memory; give a part of it");
+            return Err(InputError::unsupported(&self.source.label, what));
+        }
         if !self.begin(&object) {
             return Ok(());
         }

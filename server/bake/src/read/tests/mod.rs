@@ -316,3 +316,43 @@ fn files_with_the_content_of_other_formats_are_told() {
         assert!(error.starts_with(name) && error.contains(expected), "{error}");
     }
 }
+
+/// An OBJ object of one triangle beside the others, with a material if it has a texture.
+fn part(number: usize, has_texture: bool) -> String {
+    let (x, material) = (2 * number, if has_texture { format!("usemtl m{number}\n") } else { String::new() });
+    let [a, b, c] = [1, 2, 3].map(|corner| 3 * number + corner);
+    let end = x + 1;
+    format!(
+        "o part{number}\n{material}v {x} 0 0\nv {end} 0 0\nv {end} 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf {a}/{a} {b}/{b} {c}/{c}\n"
+    )
+}
+
+#[test]
+fn a_scene_that_takes_too_much_memory_is_refused() {
+    let obj: String = (0..2000).map(|number| part(number, false)).collect();
+    let read = |max_held_bytes: u64| {
+        let options = ReadOptions { max_held_bytes, ..ReadOptions::default() };
+        read_embedded(&[("many.obj", obj.as_bytes())], &options, &|_| {})
+    };
+    let error = read(64_000).unwrap_err().to_string();
+    assert!(error.contains("many.obj") && error.contains("64.0 kB of memory"), "{error}");
+    assert_eq!(read(1_000_000).unwrap().0.triangles.len(), 2000);
+}
+
+#[test]
+fn pictures_of_a_scene_in_memory_have_a_limit() {
+    // Each of half a megabyte when it is unpacked.
+    let pictures: Vec<_> = (0..20).map(|i| (format!("{i}.png"), texture::tests::png(400, 400, [10 * i; 3]))).collect();
+    let materials: String = (0..20).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\n")).collect();
+    let parts: String = (0..20).map(|number| part(number, true)).collect();
+    let obj = format!("mtllib a.mtl\n{parts}");
+    let mut files: Vec<(&str, &[u8])> = vec![("a.obj", obj.as_bytes()), ("a.mtl", materials.as_bytes())];
+    files.extend(pictures.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
+    let read = |max_held_bytes: u64| {
+        let options = ReadOptions { max_held_bytes, ..ReadOptions::default() };
+        read_embedded(&files, &options, &|_| {})
+    };
+    let error = read(2_000_000).unwrap_err().to_string();
+    assert!(error.contains("a.obj") && error.contains("2.0 MB of memory"), "{error}");
+    assert_eq!(read(32_000_000).unwrap().1.sources[0].textures, 20);
+}
