@@ -20,6 +20,7 @@ pub(crate) fn add(trials: &mut Trials) {
         every_path_of_the_command_lines_has_a_case,
         each_output_is_one_of_the_random_commands,
         outputs_replace_only_earlier_outputs,
+        files_that_a_pattern_names_are_inputs,
         outputs_that_cannot_be_written_are_refused_before_the_work,
         folders_are_written_outside_of_kept_ones,
         folders_that_are_read_stay_as_they_are,
@@ -419,6 +420,18 @@ fn outputs_replace_only_earlier_outputs() {
             assert!(tree(place.0.path()) == before, "{what}: two outputs of one name");
         }
     }
+}
+
+/// An input of a pattern, of the kind of the output, is not replaced.
+fn files_that_a_pattern_names_are_inputs() {
+    let place = Workplace::new();
+    let made = place.run("compare a.off b.off --samples 9 --heatmap mine.ply");
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let before = tree(place.0.path());
+    let output = place.run("compare mine* b.off --samples 9 --heatmap mine.ply");
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && text.contains("the input"), "{text}");
+    assert!(tree(place.0.path()) == before, "{text}");
 }
 
 /// Nothing is written, not even another output, if the folder of an output does not exist or is none.

@@ -9,7 +9,7 @@ use crate::{
     args::CompareArgs,
     store::{CityStore, StoredCity, StoredObjects},
 };
-use insula_bake::read::{self, PlacingOptions, ReadOptions};
+use insula_bake::read::{self, PlacingOptions, ReadOptions, named_paths};
 use insula_command_line::output::FileKind;
 use insula_export::{leaves::visit_leaf_meshes, table::ExportError};
 use insula_protocol::mesh::AttributeKind;
@@ -26,7 +26,8 @@ const COLOURS: [[f32; 3]; 5] = [[0.1, 0.2, 0.8], [0.1, 0.7, 0.9], [0.2, 0.8, 0.3
 /// Runs `compare`. Fails if an input cannot be read or has no triangles, or the heat map cannot be written.
 pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     if let Some(heatmap) = &args.heatmap {
-        check_output(heatmap, FileKind::PLY, [&args.a, &args.b], args.overwrite)?;
+        let inputs = [&args.a, &args.b].into_iter().flat_map(|input| named_paths(input));
+        check_output(heatmap, FileKind::PLY, inputs, args.overwrite)?;
     }
     let (a, b) = with_spinner("read", || load_both(&args.a, &args.b))?;
     check_places([&args.a, &args.b], [&a, &b])?;

@@ -20,6 +20,12 @@ use std::{collections::BTreeSet, path::Path};
 const FAR_M: f64 = 2000.0;
 /// How far around what is added ground is looked for, where objects are removed.
 const AROUND_GROUND_M: f64 = 50.0;
+/// Most corners of all outlines and areas.
+const MAX_CORNERS: usize = 1 << 18;
+/// Most triangles of all models.
+const MAX_TRIANGLES: usize = 1 << 22;
+/// Most cells below the boxes of triangles, outlines and areas: each is compared with all above it.
+const MAX_CELLS: f64 = 4e9;
 /// What is so far above all below it has a wrong height, as one in feet.
 const FAR_ABOVE_M: f64 = 100.0;
 pub(super) const NOTHING_REMOVED: &str =
@@ -49,6 +55,56 @@ pub(super) struct AddedShape {
     warnings: Vec<String>,
 }
 
+/// How much a proposal adds and removes, on the map of a city: the work of analyses.
+struct Amounts {
+    /// Lower and upper corner of the city on the map, and the side of its cells.
+    city: [[f64; 2]; 2],
+    cell_m: f64,
+    corners: usize,
+    triangles: usize,
+    cells: f64,
+}
+
+impl Amounts {
+    /// Fails with what is too much.
+    fn add_area(&mut self, area: &Polygon) -> Result<(), String> {
+        self.corners += area.iter().map(Vec::len).sum::<usize>();
+        if self.corners > MAX_CORNERS {
+            return Err(format!("its outlines and areas have more than {MAX_CORNERS} corners in all: simplify them"));
+        }
+        self.cells += around(area.iter().flatten().copied()).map_or(0.0, |bounds| self.cells_below(bounds));
+        self.check_cells()
+    }
+
+    /// Fails with what is too much.
+    fn add_model(&mut self, triangles: &[[[f64; 3]; 3]]) -> Result<(), String> {
+        self.triangles += triangles.len();
+        if self.triangles > MAX_TRIANGLES {
+            return Err(format!("its models have more than {MAX_TRIANGLES} triangles in all: simplify them"));
+        }
+        let bounds = triangles.iter().filter_map(|triangle| around(triangle.iter().map(|[x, y, _]| [*x, *y])));
+        self.cells += bounds.map(|bounds| self.cells_below(bounds)).sum::<f64>();
+        self.check_cells()
+    }
+
+    fn check_cells(&self) -> Result<(), String> {
+        match self.cells > MAX_CELLS {
+            true => Err("it has too many large outlines, areas or triangles: make fewer or smaller ones".to_owned()),
+            false => Ok(()),
+        }
+    }
+
+    /// Number of the city's cells in a rectangle.
+    fn cells_below(&self, [from, to]: [[f64; 2]; 2]) -> f64 {
+        let [low, high] = self.city;
+        let side = |axis: usize| {
+            let [from, to] = [from, to].map(|corner| corner[axis].max(low[axis]).min(high[axis]));
+            (to - from) / self.cell_m + 1.0
+        };
+        side(0) * side(1)
+    }
+}
+
 /// What an addition stands on.
 #[derive(PartialEq)]
 enum Base {
@@ -74,6 +130,8 @@ impl Proposal {
             Some([low, high]) if (0..2).all(|k| low[k] <= city[1][k] && city[0][k] <= high[k]) => Ok(()),
             _ => Err(self.wrong(&format!("{} lies outside of the city: check its place", name_of(file)))),
         };
+        let cell_m = source.manifest().cell_m;
+        let mut amounts = Amounts { city, cell_m, corners: 0, triangles: 0, cells: 0.0 };
         let mut change = ProposedChange {
             added: Vec::new(),
             ids: BTreeSet::new(),
@@ -84,12 +142,16 @@ impl Proposal {
             if let Some(file) = &added.file {
                 let model = self.model(added, &self.beside(file), source, place)?;
                 inside(file, model.places())?;
+                if let Addition::Model(triangles) = &model.addition {
+                    amounts.add_model(triangles).map_err(|reason| self.wrong(&reason))?;
+                }
                 change.added.push(model);
             }
             let Some(file) = &added.outline else { continue };
             let height_m = added.height_m.unwrap_or(0.0);
             for outline in polygons(file)? {
                 inside(file, outline.concat())?;
+                amounts.add_area(&outline).map_err(|reason| self.wrong(&reason))?;
                 let addition = Addition::Block { outline, top_m: added.base_m.unwrap_or(0.0) + height_m };
                 let base = if added.base_m.is_some() { Base::Known } else { Base::Along };
                 change.added.push(AddedShape { name: name_of(file), addition, base, height_m, warnings: Vec::new() });
@@ -105,6 +167,7 @@ impl Proposal {
             if let Some(file) = &removed.polygon {
                 let areas = polygons(file)?;
                 inside(file, areas.iter().flatten().flatten().copied().collect())?;
+                areas.iter().try_for_each(|area| amounts.add_area(area)).map_err(|reason| self.wrong(&reason))?;
                 change.areas.extend(areas);
             }
         }
@@ -338,6 +401,28 @@ fn without_options(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_files_that_ask_for_much_work_are_refused() {
+        let amounts = || {
+            let city = [[0.0; 2], [4000.0; 2]];
+            Amounts { city, cell_m: 0.5, corners: 0, triangles: 0, cells: 0.0 }
+        };
+        let area: Polygon = vec![vec![[1.0, 1.0]; 1000]];
+        let mut corners = amounts();
+        let taken = (0..1000).take_while(|_| corners.add_area(&area).is_ok()).count();
+        assert_eq!(taken, MAX_CORNERS / 1000);
+        // A house of 500 triangles, and as many that reach over the whole city, each above all of its 64 million cells.
+        let triangle = |side: f64| [[0.0, 0.0, 1.0], [side, 0.0, 1.0], [0.0, side, 9.0]];
+        assert_eq!(amounts().add_model(&vec![triangle(20.0); 500]), Ok(()));
+        assert!(amounts().add_model(&vec![triangle(1e6); 500]).unwrap_err().contains("too many large"));
+        let mut triangles = Amounts { triangles: MAX_TRIANGLES - 1, ..amounts() };
+        assert_eq!(triangles.add_model(&[triangle(1.0)]), Ok(()));
+        assert!(triangles.add_model(&[triangle(1.0)]).unwrap_err().contains("in all"));
+        let mut blocks = amounts();
+        let whole: Polygon = vec![vec![[-9.0, -9.0], [9e3, -9.0], [9e3, 9e3]]];
+        assert!((0..500).any(|_| blocks.add_area(&whole).is_err()));
+    }
 
     #[test]
     fn advice_is_of_what_proposals_have() {

@@ -7,10 +7,13 @@ pub use change::ProposedChange;
 pub use shapes::{ProposedObject, ProposedObjects};
 
 use insula_archive::file::read_text;
+use insula_bake::read::named_paths;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 const MAX_BYTES: u64 = 1 << 20;
+/// Most entries: each may name a file of its own, or the same large one.
+const MAX_ENTRIES: usize = 1000;
 
 /// Why a proposal cannot be used: the file, and what is wrong in it.
 #[derive(Debug, thiserror::Error)]
@@ -105,6 +108,11 @@ impl Proposal {
         if proposal.add.is_empty() && proposal.remove.is_empty() {
             return Err(wrong("it has neither an [[add]] nor a [[remove]]".to_owned()));
         }
+        if proposal.add.len() + proposal.remove.len() > MAX_ENTRIES {
+            return Err(wrong(format!(
+                "it has more than {MAX_ENTRIES} entries: join outlines and models in fewer files"
+            )));
+        }
         for added in &proposal.add {
             added.check().map_err(|reason| wrong(reason.to_owned()))?;
         }
@@ -114,10 +122,11 @@ impl Proposal {
         Ok(proposal)
     }
 
-    /// The files that it names.
+    /// The files that it names, also by patterns.
     pub fn files(&self) -> Vec<PathBuf> {
         let added = self.add.iter().flat_map(|added| added.file.iter().chain(&added.outline));
-        added.chain(self.remove.iter().flat_map(|removed| &removed.polygon)).map(|file| self.beside(file)).collect()
+        let named = added.chain(self.remove.iter().flat_map(|removed| &removed.polygon));
+        named.flat_map(|file| named_paths(&self.beside(file))).collect()
     }
 
     /// Its title, or a word for it.
@@ -156,6 +165,11 @@ mod tests {
         assert_eq!(proposal.files(), ["a.geojson", "b.geojson"].map(|name| folder.path().join(name)));
         assert!(proposal.removes());
         assert_eq!(proposal.name(), "proposal");
+        std::fs::write(folder.path().join("a1.fgb"), "").unwrap();
+        let pattern = read("[[add]]\nfile = \"*.fgb\"\n").unwrap();
+        assert_eq!(pattern.files(), [folder.path().join("a1.fgb")], "an output must not replace it");
+        let many = "[[add]]\nfile = \"a.obj\"\n".repeat(1001);
+        assert!(read(&many).unwrap_err().contains("more than 1000 entries"));
         assert_eq!(read("title = \"Tower\"\n[[add]]\nfile = \"a.obj\"\n").unwrap().name(), "Tower");
         for (wrong, expected) in [
             ("title = \"x\"\n", "neither"),

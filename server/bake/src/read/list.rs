@@ -83,7 +83,7 @@ pub(super) fn list_mesh(
 }
 
 /// The paths that an input names on this machine, a list itself among them. A pattern or a list that cannot be read stands for itself.
-pub(crate) fn named_paths(input: &Path) -> Vec<PathBuf> {
+pub fn named_paths(input: &Path) -> Vec<PathBuf> {
     let list = input.to_str().and_then(|text| text.strip_prefix('@')).map(PathBuf::from);
     list.into_iter().chain(expand(input).unwrap_or_else(|_| vec![input.to_owned()])).collect()
 }

@@ -45,7 +45,7 @@ pub use insula_source::report::{
 pub use insula_source::source::ReadProgress;
 pub use insula_source::units::HeightUnit;
 pub use landmark::cell_of_monument;
-pub(crate) use list::named_paths;
+pub use list::named_paths;
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
 pub use survey::{InputSurvey, survey};
 
