@@ -287,6 +287,17 @@ const tests = {
     await get(261_100, 262_499);
     await assert.rejects(get(202_400, 203_100), 'a gap');
   },
+  async 'addresses that are keys of the cache are left to the network'() {
+    const world = new World();
+    const count = `${ORIGIN}/?insula-bytes`;
+    world.answers.set(count, text('page', 'text/html')).set(tile(1), bytes(2 ** 20));
+    await world.get(tile(1));
+    assert.equal(await (await world.get(count, { isPage: true })).text(), 'page');
+    const kept = [...world.stores.values()].map((store) => store.get(count)).filter(Boolean);
+    assert.ok(kept.every(({ body }) => Number(new TextDecoder().decode(body)) > 0), 'a page in the place of the count');
+    world.isOnline = false;
+    await assert.rejects(world.get(count, { isPage: true }));
+  },
   async 'an upgrade removes what older workers kept, and keeps the open page'() {
     const world = new World();
     world.stores.set('insula-1', new Map()).set('other', new Map());

@@ -89,6 +89,8 @@ async function start() {
 function answerTo(request, event) {
   const url = new URL(request.url);
   if (request.method !== 'GET' || url.origin !== self.location.origin) return null;
+  // An address with one of these would be answered by, or written over, what the cache's keys with it have.
+  if ([RANGE_PARAMETER, BLOCK_PARAMETER, COUNT_PARAMETER].some((name) => url.searchParams.has(name))) return null;
   const later = (work) => event.waitUntil(work.catch(() => undefined));
   if (request.headers.has('range')) {
     return ARCHIVE.test(url.pathname) ? rangeOf(request, later) : null;
