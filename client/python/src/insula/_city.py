@@ -50,7 +50,11 @@ class City(Analyses):
         return manifest
 
     def __repr__(self) -> str:
-        return f"<City {self.title!r} at {self.place}>"
+        return f"<City {self.title!r} at {self._shown_place}>"
+
+    @property
+    def _shown_place(self) -> str:
+        return _http.shown(self.place) if is_address(self.place) else self.place
 
     @property
     def name(self) -> str:
@@ -87,7 +91,7 @@ class City(Analyses):
     def folder(self) -> Path:
         """Where the city is on this machine. Fails with `Error` if it is not."""
         if is_address(self.place):
-            raise Error(f"{self.place}: this needs the folder of the city, which is on another machine")
+            raise Error(f"{self._shown_place}: this needs the folder of the city, which is on another machine")
         return Path(self.place)
 
     def attributes(self) -> list[dict[str, Any]]:

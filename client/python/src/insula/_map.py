@@ -67,7 +67,8 @@ class Map(anywidget.AnyWidget):
         except Error:
             self._end()
             raise
-        place = {"_address": root, "_name": name, "_version": str(city.manifest.get("version", ""))}
+        # Notebooks keep what the front end gets.
+        place = {"_address": _http.without_user(root), "_name": name, "_version": str(city.manifest.get("version", ""))}
         super().__init__(**place, _assets=assets, **traits)
         self.on_msg(self._receive)
 
@@ -113,5 +114,5 @@ def _assets_of(root: str, name: str) -> str:
     page = _http.get(f"{root}/cities/{name}")
     found = _ASSETS.search(page.body.decode("utf-8", "replace"))
     if not found:
-        raise Error(f"{root}: this server has no viewer for browsers: build it with client/web/build before the programs")
+        raise Error(f"{_http.shown(root)}: this server has no viewer for browsers: build it with client/web/build before the programs")
     return f"/{found[0]}"
