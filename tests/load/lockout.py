@@ -3,7 +3,7 @@
 
 Starts a server and requests its manifest from 127.0.0.1, first alone, then while another process attacks from 127.0.0.2 at
 full rate. Then the same on each route that computes, while 120 connections of the other address ask for the most expensive
-answers: `filter`, `search`, `group`, `tileset`, `draw`. Prints the p99 of the latency, its ratio to that without an attack,
+answers: `filter`, `search`, `group`, `tileset`, `list`, `draw`, `analyse`. Prints the p99 of the latency, its ratio to that without an attack,
 and failed requests. The attacker has a processor of its own if there are several, so that it takes from others what the server
 spends on it and not what it spends itself. Fails if a route that computes takes more than 3 times as long as alone.
 """
@@ -124,7 +124,7 @@ class Routes:
         self.leaves = [(x, y) for x in range(side) for y in range(side)]
         random.Random(1).shuffle(self.leaves)
 
-    NAMES = ("filter", "search", "group", "tileset", "draw")
+    NAMES = ("filter", "search", "group", "tileset", "list", "draw", "analyse")
 
     def is_served(self, path):
         client = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
@@ -151,11 +151,23 @@ class Routes:
         path = lambda level, x, y: f"{self.city}/3dtiles/{self.version.rsplit('/')[-1]}/content/{level}/{x}/{y}.glb"
         return path(0, 0, 0), [path(0, 0, 0)] + [path(self.depth, x, y) for x, y in self.leaves], NO_CACHE
 
-    def draw(self):
+    def list(self):
+        # The usual page is in memory.
+        return "/v1/cities?limit=5", [f"/v1/cities?limit={limit}" for limit in range(2, 1000)], ()
+
+    def around(self, metres):
+        """A square, in metres of the city's system."""
         [west, south], [east, north] = self.focus
         x, y = (west + east) / 2, (south + north) / 2
-        drawing = lambda metres: (f"{self.city}/draw", {"format": "svg", "bbox": [x - metres, y - metres, x + metres, y + metres]})
+        return [x - metres, y - metres, x + metres, y + metres]
+
+    def draw(self):
+        drawing = lambda metres: (f"{self.city}/draw", {"format": "svg", "bbox_metres": self.around(metres)})
         return drawing(50), [drawing(150)], ("drawings.at_once=2",)
+
+    def analyse(self):
+        analysis = lambda metres: (f"{self.city}/analyse", {"kind": "sky", "bbox_metres": self.around(metres)})
+        return analysis(20), [analysis(150)], ("analyses.at_once=2",)
 
 
 def manifest_of(port, city):

@@ -129,3 +129,20 @@ impl<S: Sync> FromRequestParts<S> for RequestClient {
         Ok(Self(Self::of(parts)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lockouts_are_measured_for_each_kind_of_work() {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/load/lockout.py");
+        let script = std::fs::read_to_string(script).unwrap();
+        for kind in WorkKind::ALL {
+            let name = format!("{kind:?}").to_lowercase();
+            let name = name.trim_end_matches('s');
+            assert!(script.contains(&format!("    def {name}(self):")), "tests/load/lockout.py has no {name}");
+            assert!(script.lines().any(|line| line.contains("NAMES = (") && line.contains(&format!("\"{name}\""))));
+        }
+    }
+}
