@@ -31,6 +31,8 @@ const LOCK: &str = "lock";
 const FILES: &str = "files";
 const NEW: &str = "new";
 const OLD: &str = "old";
+/// What the marker has of a file besides its name and mark.
+const LIST_BYTES_OF_FILE: u64 = 16;
 
 /// A site in the making. It is removed unless it is published.
 #[derive(Debug)]
@@ -39,6 +41,8 @@ pub(super) struct SiteFolder {
     /// The folder beside it.
     work: PathBuf,
     files: OwnedFiles,
+    /// About as long as their list in the marker is.
+    list_bytes: u64,
     /// Folders of the site in the making.
     folders: BTreeSet<PathBuf>,
     journal: File,
@@ -58,7 +62,7 @@ impl SiteFolder {
         fs::create_dir(&new).map_err(|error| write_error(&new, &error))?;
         let journal = File::create_new(&journal).map_err(|error| write_error(&journal, &error))?;
         let (files, folders) = (OwnedFiles::default(), BTreeSet::from([new]));
-        Ok(Self { out: out.to_owned(), work, files, folders, journal, lock: Some(lock) })
+        Ok(Self { out: out.to_owned(), work, files, list_bytes: 0, folders, journal, lock: Some(lock) })
     }
 
     /// Writes a file, given by its path in the site.
@@ -88,9 +92,14 @@ impl SiteFolder {
         self.files.get(name)
     }
 
-    /// Notes a file, and returns its path.
+    /// Notes a file, and returns its path. Fails if the list of files would be longer than the next publish reads.
     fn place(&mut self, name: &str, mark: FileMark) -> Result<PathBuf, CommandError> {
         let line = format!("{} {name}\n", mark.to_text());
+        self.list_bytes += line.len() as u64 + LIST_BYTES_OF_FILE;
+        if self.list_bytes > MAX_SITE_LIST_BYTES {
+            let reason = "a site of so many files could not be told from others again; publish fewer cities, or without --tileset";
+            return Err(refuse(&self.out, reason));
+        }
         self.journal.write_all(line.as_bytes()).map_err(|error| write_error(&self.work.join(FILES), &error))?;
         self.files.add(name, mark);
         let path = self.work.join(NEW).join(name);
@@ -332,4 +341,23 @@ fn write_error(path: &Path, error: &io::Error) -> CommandError {
 
 fn read_error(path: &Path, error: &io::Error) -> CommandError {
     CommandError::Publish { path: path.to_owned(), reason: error.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_site_whose_list_would_not_be_read_again_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("site");
+        let mut site = SiteFolder::create(&out).unwrap();
+        let (mark, name) = (FileMark::of(b"a"), "x".repeat(240));
+        let refused =
+            (0..MAX_SITE_LIST_BYTES / 240).find_map(|number| site.place(&format!("{name}{number}"), mark).err());
+        assert!(refused.unwrap().to_string().contains("without --tileset"));
+        assert!(serde_json::to_vec_pretty(&site.files.to_json()).unwrap().len() as u64 <= MAX_SITE_LIST_BYTES);
+        drop(site);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing stays");
+    }
 }
