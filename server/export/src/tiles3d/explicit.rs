@@ -83,11 +83,13 @@ fn has_file(node: &NodeInfo) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::{
-        TILESET_JSON, Tileset, TilesetForm, each_file,
+        Destination, TILESET_JSON, Tileset, TilesetForm, each_file,
         tests::{EVERYTHING, deep_city, tileset},
+        write_tileset,
     };
     use crate::{
         glb::{
+            ExportError,
             test_city::{TestCity, city},
             test_reader::Glb,
         },
@@ -199,5 +201,22 @@ mod tests {
             files.keys().filter(|name| name.ends_with(".json")).collect::<Vec<_>>(),
             ["tiles/5/0/0.json", TILESET_JSON]
         );
+    }
+
+    #[test]
+    fn a_json_file_of_somebody_else_is_not_replaced() {
+        let (city, folder) = (deep_city(7), tempfile::tempdir().unwrap());
+        let tileset = tileset(&city, &EVERYTHING).in_form(TilesetForm::Plain);
+        let name = files(&tileset).into_keys().find(|name| name.starts_with("tiles/")).unwrap();
+        let (path, mine) = (folder.path().join(name), r#"{"my": "notes"}"#);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, mine).unwrap();
+        let written = write_tileset(&tileset, Destination::of(folder.path()));
+        assert!(matches!(written, Err(ExportError::Write { .. })), "{written:?}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), mine);
+        std::fs::remove_file(&path).unwrap();
+        for _ in 0..2 {
+            write_tileset(&tileset, Destination::of(folder.path())).unwrap();
+        }
     }
 }

@@ -155,7 +155,8 @@ fn unfinished(tileset: &[u8]) -> Vec<u8> {
 fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
     let is_linked = path.is_symlink() || !canonical(path).starts_with(canonical(folder));
     let first: &[u8] = match file {
-        TilesetFile::Tileset | TilesetFile::Tiles(_) => b"{",
+        TilesetFile::Tileset => b"{",
+        TilesetFile::Tiles(_) => b"{\"asset\":",
         TilesetFile::Subtree(_) => b"subt",
         TilesetFile::Content(_) => b"glTF",
     };
