@@ -137,15 +137,15 @@ impl<'a> OwnedStore<'a> {
         self.0.put(&record_name(name), format!("{RECORD}\n{text}").into_bytes())
     }
 
-    /// Whether an object that is to be replaced has one of these contents. Those of the city, which people may have changed, are read. Of
-    /// others the length tells: reading them would take as long as writing them.
+    /// Whether an object that is to be replaced has one of these contents. Those of the city and short ones, which people may have changed,
+    /// are read. Of others the length tells: reading them would take as long as writing them.
     fn is_one_of<'p>(
         self,
         name: &str,
         size: u64,
         mut contents: impl Iterator<Item = &'p [FileMark]>,
     ) -> io::Result<bool> {
-        if name.starts_with(CITY) {
+        if name.starts_with(CITY) || size <= PIECE_BYTES {
             return contents.try_fold(false, |is_found, parts| Ok(is_found || self.has_parts(name, size, parts)?));
         }
         Ok(contents.any(|parts| size == length_of(parts)))
@@ -304,20 +304,22 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn a_file_of_the_city_that_was_changed_is_not_replaced() {
-        let folder = TestFolder::new("owned-city");
+    fn a_file_that_was_changed_is_not_replaced() {
+        let folder = TestFolder::new("owned-files");
         let objects = WorkFolder::new(&folder.path);
         let store = OwnedStore::new(&objects);
-        let path = folder.path.join("city/a");
-        store.put("city/a", b"first".to_vec()).unwrap();
-        store.put("city/a", b"other".to_vec()).unwrap();
-        // Of the same length.
-        fs::write(&path, "mine!").unwrap();
-        let refused = store.put("city/a", b"third".to_vec()).unwrap_err().to_string();
-        assert!(refused.contains("city/a") && fs::read(&path).unwrap() == b"mine!", "{refused}");
-        // A killed step leaves the earlier object in place.
-        fs::write(&path, "first").unwrap();
-        store.put("city/a", b"third".to_vec()).unwrap();
-        assert_eq!(fs::read(&path).unwrap(), b"third");
+        for name in ["city/a", "scan/0/a"] {
+            let path = folder.path.join(name);
+            store.put(name, b"first".to_vec()).unwrap();
+            store.put(name, b"other".to_vec()).unwrap();
+            // Of the same length.
+            fs::write(&path, "mine!").unwrap();
+            let refused = store.put(name, b"third".to_vec()).unwrap_err().to_string();
+            assert!(refused.contains(name) && fs::read(&path).unwrap() == b"mine!", "{refused}");
+            // A killed step leaves the earlier object in place.
+            fs::write(&path, "first").unwrap();
+            store.put(name, b"third".to_vec()).unwrap();
+            assert_eq!(fs::read(&path).unwrap(), b"third");
+        }
     }
 }
