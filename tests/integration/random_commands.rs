@@ -18,7 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// All commands that write, remove or rename. DIR, IN and OUT.EXTENSION are paths.
-pub(crate) const COMMANDS: [&str; 50] = [
+pub(crate) const COMMANDS: [&str; 54] = [
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --update --report OUT.json",
@@ -52,6 +52,9 @@ pub(crate) const COMMANDS: [&str; 50] = [
     "analyse city sun --rule en-17037 --points points.csv --out OUT.csv --evidence DIR",
     "analyse city sky --out OUT.tif --pdf OUT.pdf",
     "analyse city view --height 9 --out OUT.tif --of IN",
+    "analyse city shadow --time 2025-06-21T10:00 --time 2025-06-21T12:00 --out OUT.tif --pdf OUT.pdf",
+    "analyse city sky --proposal plan.toml --out OUT.tif --buildings OUT.fgb",
+    "analyse city view --between points.csv points.csv --out OUT.csv",
     "changes DIR city --out OUT.csv",
     "changes city DIR --all --out OUT.fgb",
     "export DIR --format glb --out OUT.glb",
@@ -66,6 +69,7 @@ pub(crate) const COMMANDS: [&str; 50] = [
     "insula man --out DIR",
     "SNAPSHOT --server DIR --out OUT.png --report OUT.json --distance OUT.pfm --radiance OUT.pfm",
     "SNAPSHOT --server city --out OUT.jpg --objects OUT.bin --objects-json OUT.json",
+    "SNAPSHOT --server city --proposal plan.toml --out OUT.webp",
     "insula fly --server city --path path.json --size 16x12 --adapter cpu --report OUT.json",
     "insula draw DIR --plan --out OUT.svg",
     "insula draw IN --plan --out OUT.pdf",
