@@ -17,14 +17,48 @@ pub const INDOORS: &str = "indoors";
 
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.
 const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
-const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel"];
+/// Names that say so as Shapefiles cut it and in other languages, and by a word only: a number there may be one of storeys.
+const IS_UNDERGROUND_BY_WORD: &[&str] = &[
+    "undergroun",
+    "unterirdisch",
+    "souterrain",
+    "subterraneo",
+    "subterráneo",
+    "soterrado",
+    "sotterraneo",
+    "interrato",
+    "ondergronds",
+    "podziemny",
+    "podzemni",
+    "podzemní",
+    "underjordisk",
+];
+const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel", "tunel", "túnel", "galleria"];
+/// Names of attributes, each with the value that means below the ground: of INSPIRE, of CityGML and of the German agencies.
+const BELOW: &[(&str, &[&str])] = &[
+    ("location", &["underground", "underwater", "subsurface"]),
+    ("parking", &["underground"]),
+    ("verticalposition", &["underground"]),
+    ("vertical_position", &["underground"]),
+    ("relativetoterrain", &["entirelybelowterrain"]),
+    ("lagezurerdoberflaeche", &["1200", "unter der erdoberfläche", "unter der erdoberflaeche"]),
+    ("ofl", &["1200", "unter der erdoberfläche", "unter der erdoberflaeche"]),
+];
 /// Values of `tunnel` that name a kind of tunnel. Others name a passage on the ground: through a building, or below a roof
 /// against snow.
 const TUNNELS: &[&str] = &["culvert", "flooded"];
 /// Names of attributes that are negative below the ground, for all kinds: storeys of OpenStreetMap, levels of Overture, the relative
-/// height of the Dutch and the position of the French base map.
-const LEVELS: &[&str] =
-    &["level", "max_level", "building:max_level", "relatievehoogteligging", "relatieveh", "pos_sol"];
+/// heights of the Dutch, the position of the French and the step of the Swiss base map.
+const LEVELS: &[&str] = &[
+    "level",
+    "max_level",
+    "building:max_level",
+    "relatievehoogteligging",
+    "relatieveh",
+    "hoogteniveau",
+    "pos_sol",
+    "stufe",
+];
 /// Levels and storeys of buildings. Others are marks of missing ones, such as -9999.
 const LEVELS_RANGE: RangeInclusive<f64> = -50.0..=400.0;
 /// Words for yes, in the languages of the larger publishers. `T` is that of Shapefiles. All else tells nothing.
@@ -83,9 +117,10 @@ pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>)
         && (is_building || BELOW_BY_LAYER.iter().any(|(name, values)| is_one_of(name, values)));
     let is_below_by_level =
         || LEVELS.iter().any(|name| tag(name).and_then(|value| highest(&value)).is_some_and(|level| level < 0.0));
+    let is_word = |value: &str| value.trim().parse::<f64>().is_err();
     let is_underground = IS_UNDERGROUND.iter().any(|name| tag(name).is_some_and(|value| is_true(&value)))
-        || is_one_of("location", &["underground", "underwater", "subsurface"])
-        || is_one_of("parking", &["underground"])
+        || IS_UNDERGROUND_BY_WORD.iter().any(|name| tag(name).is_some_and(|value| is_word(&value) && is_true(&value)))
+        || BELOW.iter().any(|(name, values)| is_one_of(name, values))
         || is_below_by_layer
         || is_below_by_level()
         || is_building && is_cellar(&tag);
@@ -104,15 +139,7 @@ pub fn is_hidden(kind: FeatureKind, attributes: &Attributes) -> Option<&'static 
         value => value.to_string(),
     };
     let tag = |name: &str| attributes.named(name).map(|value| Cow::Owned::<str>(text(value)));
-    // As Shapefiles cut `underground`; a number there may be one of storeys.
-    let is_underground = || match attributes.named("undergroun") {
-        Some(AttributeValue::Text(text)) => text.trim().parse::<f64>().is_err() && is_true(text),
-        Some(AttributeValue::Bool(value)) => *value,
-        _ => false,
-    };
-    hidden(kind, tag)
-        .or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
-        .or_else(|| is_underground().then_some(UNDERGROUND))
+    hidden(kind, tag).or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
 }
 
 /// Whether a flag of Overture says that all of a road or rail is in a tunnel. Flags may be of a part only.
@@ -188,6 +215,14 @@ mod tests {
             (Building, &[("is_underground", "true")]),
             (Building, &[("IS_UNDERGR", "1")]),
             (Building, &[("underground", "Ja")]),
+            (Building, &[("Souterrain", "oui")]),
+            (Building, &[("UNTERIRDISCH", "J")]),
+            (Road, &[("hoogteniveau", "-1")]),
+            (Road, &[("STUFE", "-2")]),
+            (Building, &[("OFL", "1200")]),
+            (Building, &[("lageZurErdoberflaeche", "Unter der Erdoberfläche")]),
+            (Water, &[("verticalPosition", "underground")]),
+            (Building, &[("relativeToTerrain", "entirelyBelowTerrain")]),
             (Building, &[("building:levels", "0"), ("building:levels:underground", "2")]),
             (BuildingPart, &[("building:min_level", "-2"), ("building:levels", "0")]),
             (BuildingPart, &[("building:min_level", "-2"), ("building:max_level", "-1")]),
@@ -202,6 +237,7 @@ mod tests {
         for (kind, pairs, expected) in [
             (Building, &[("building", "train_station"), ("tunnel", "yes")][..], IN_TUNNEL),
             (Road, &[("tunnel", "T")], IN_TUNNEL),
+            (Road, &[("Túnel", "Sí")], IN_TUNNEL),
             (Water, &[("tunnel", "culvert")], IN_TUNNEL),
             (Road, &[("road_flags.0.values.0", "is_tunnel")], IN_TUNNEL),
             (Road, &[("indoor", "yes")], INDOORS),
@@ -217,6 +253,10 @@ mod tests {
             (Building, &[("building", "yes")][..]),
             (Building, &[("level", "-1;0")]),
             (Building, &[("UNDERGROUN", "2")]),
+            (Building, &[("interrato", "1")]),
+            (Building, &[("relativeToTerrain", "substantiallyBelowTerrain")]),
+            (Building, &[("OFL", "1400")]),
+            (Building, &[("verticalPosition", "onGroundSurface")]),
             (Building, &[("level", "0-2")]),
             (Building, &[("LEVEL", "-9999")]),
             (Building, &[("layer", "-9999")]),
