@@ -45,9 +45,10 @@ pub fn metres_of(name: &str) -> Option<f64> {
     let last = name.trim().rsplit(['#', ':', '/']).next().unwrap_or_default();
     let key: String = last.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     Some(match &*key {
-        "m" | "metre" | "metres" | "meter" | "meters" | "mtr" | "9001" => 1.0,
+        "m" | "metre" | "metres" | "meter" | "meters" | "mtr" | "mètre" | "mètres" | "metro" | "metros" | "metri"
+        | "м" | "метр" | "метры" | "метров" | "米" | "メートル" | "9001" => 1.0,
         "ft" | "foot" | "feet" | "fti" | "ftint" | "ftintl" | "internationalfoot" | "internationalfeet"
-        | "footinternational" | "intlfoot" | "9002" => FOOT_M,
+        | "footinternational" | "intlfoot" | "pied" | "pieds" | "pies" | "piedi" | "fuss" | "fuß" | "9002" => FOOT_M,
         "usft" | "ftus" | "fts" | "usfoot" | "usfeet" | "footus" | "ussurveyfoot" | "ussurveyfeet" | "ussurveyft"
         | "surveyfoot" | "surveyfeet" | "footussurvey" | "9003" => US_FOOT_M,
         "in" | "inch" | "inches" | "ini" => 0.0254,
@@ -80,10 +81,12 @@ mod tests {
 
     #[test]
     fn units_are_known_in_every_spelling() {
-        for name in ["m", "M", "metre", "urn:ogc:def:uom:UCUM::m", "#m", "urn:ogc:def:uom:EPSG::9001"] {
+        for name in
+            ["m", "M", "metre", "urn:ogc:def:uom:UCUM::m", "#m", "urn:ogc:def:uom:EPSG::9001", "Mètres", "м", "米"]
+        {
             assert_eq!(metres_of(name), Some(1.0), "{name}");
         }
-        for name in ["ft", "Feet", "urn:ogc:def:uom:UCUM::[ft_i]", "foot (international)", "ft_int"] {
+        for name in ["ft", "Feet", "urn:ogc:def:uom:UCUM::[ft_i]", "foot (international)", "ft_int", "Fuß", "pieds"] {
             assert_eq!(metres_of(name), Some(FOOT_M), "{name}");
         }
         for name in ["US survey foot", "us-ft", "ftUS", "US_survey_foot", "[ft_us]", "us-foot", "foot_us"] {

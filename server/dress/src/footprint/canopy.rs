@@ -7,14 +7,40 @@ use insula_source::problems::GUESSED;
 
 /// Thickness of a roof.
 pub(super) const SLAB_M: f64 = 0.3;
-/// Values of names of kinds and uses that mean a roof without walls.
-const ROOFS: &[&str] = &["roof", "canopy"];
-const CARPORTS: &[&str] = &["carport", "carports"];
+/// Values of names of kinds and uses that mean a roof without walls, also in the languages of the larger publishers.
+const ROOFS: &[&str] = &[
+    "roof",
+    "canopy",
+    "überdachung",
+    "ueberdachung",
+    "overkapping",
+    "auvent",
+    "tettoia",
+    "pensilina",
+    "marquesina",
+    "wiata",
+];
+const CARPORTS: &[&str] = &["carport", "carports", "überdachter stellplatz"];
 /// Heights of those without one.
 const ROOF_M: f64 = 4.0;
 const LOW_ROOF_M: f64 = 2.6;
 /// Names of what a building or its part is, in lower case; the first that has a value counts.
-const KINDS: &[&str] = &["building:part", "building", "fclass", "class", "type", "building_type", "usage", "function"];
+const KINDS: &[&str] = &[
+    "building:part",
+    "building",
+    "fclass",
+    "class",
+    "type",
+    "building_type",
+    "usage",
+    "function",
+    "funktion",
+    "gebaeudefunktion",
+    "bgt_type",
+    "bgt-type",
+    "nature",
+    "tipo",
+];
 /// Values that tell nothing.
 const ANY: &[&str] = &["yes", "true", "building", "no"];
 /// Shelters with walls.
@@ -104,6 +130,9 @@ mod tests {
             (&[("building", "yes"), ("amenity", "shelter"), ("height", "3")], 2.7, 3.0),
             (&[("FCLASS", "building"), ("TYPE", "roof"), ("height", "6")], 5.7, 6.0),
             (&[("building", "roof"), ("height", "0.2")], 0.0, 0.2),
+            (&[("Funktion", "Überdachung"), ("HOEHE", "5")], 4.7, 5.0),
+            (&[("bgt-type", "overkapping"), ("height", "5")], 4.7, 5.0),
+            (&[("NATURE", "Auvent"), ("HAUTEUR", "5")], 4.7, 5.0),
         ] {
             let Some((base, top)) = canopy(pairs) else { panic!("{pairs:?}") };
             assert!((base - base_m).abs() < 1e-9 && (top - top_m).abs() < 1e-9, "{pairs:?}: {base} to {top}");

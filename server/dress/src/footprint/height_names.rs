@@ -34,7 +34,9 @@ static NAMES: [(HeightRole, &str); 4] = [
          estimatedheight heightest renderheight totalheight topheight heighttop hght gebhoehe hoehegeb alturamax \
          alturamedia alturatotal hautmax hauteurmoyenne hauteurmoy hautmoy altezzamax altezzamedia altezzavolume \
          p95height heightp95 hgebouw ridgeheight firsthoehe nokhoogte eaveheight eavesheight eaveht traufhoehe goothoogte \
-         treeheight baumhoehe baumhohe boomhoogte hauteurarbre alturaarbol",
+         treeheight baumhoehe baumhohe boomhoogte hauteurarbre alturaarbol avghgt meanhgt medhgt medheight hmax hmean \
+         hmedian altezzagronda altgronda hautbat hauteurbat bathauteur structureheight structheight structurehgt buheight \
+         visinaobjekta chieucao висота височина висина ύψος υψος גובה ارتفاع الارتفاع",
     ),
     (
         HeightRole::Elevation,
@@ -62,7 +64,9 @@ static NAMES: [(HeightRole, &str); 4] = [
          地上层数 지상층수 grofloco jumlahlantai anzgeschosse anzgesch vollgeschosse anzahlvollgeschosse stockwerkzahl \
          stockwerkszahl anzahlstockwerke etagen anzetagen anzahletagen niveaux nbniveaux nbniv nombreniveaux floorsabv \
          floorsag floorsaboveground abovegroundfloors numfloorsaboveground levelsaboveground abovegroundlevels \
-         storeycount storycount storeysag nrkondygnacji antallplan",
+         storeycount storycount storeysag nrkondygnacji antallplan antalplan vaningsantal nbniveau niveles numniveles \
+         nroniveles cantidadpisos cantpisos nropisos nopisos numberoflevels nolevels kerroslukumaara sotang 층수 קומות \
+         поверховість",
     ),
 ];
 /// Namespaces of XML before a name.
@@ -286,6 +290,13 @@ mod tests {
             "高さ",
             "max_height",
             "HGT_AGL",
+            "AVG_HGT",
+            "H_MAX",
+            "HAUT_BAT",
+            "Altezza_Gronda",
+            "Ύψος",
+            "ВИСОТА",
+            "ارتفاع",
         ] {
             assert_eq!(role(name), Some((HeightRole::Top, None)), "{name}");
         }
@@ -298,6 +309,9 @@ mod tests {
             "階数",
             "nb_étages",
             "ANZ_GESCH",
+            "antal_plan",
+            "NIVELES",
+            "층수",
         ] {
             assert_eq!(role(name), Some((HeightRole::Levels, None)), "{name}");
         }

@@ -67,7 +67,8 @@ fn length_in(text: &str, plain_m: f64) -> Option<f64> {
     let text = text.split(';').next().unwrap_or_default().trim().replace(',', ".");
     let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
     let (number, unit) = text.split_at(end);
-    let unit = unit.trim().to_ascii_lowercase().replace('\u{2032}', "'").replace('\u{2033}', "\"");
+    // Primes, and what word processors make of straight marks.
+    let unit = unit.trim().replace(['\u{2032}', '\u{2019}', '\u{b4}'], "'").replace(['\u{2033}', '\u{201d}'], "\"");
     let (factor, rest_m) = match unit.as_str() {
         "" => (plain_m, 0.0),
         "\"" => (INCH_M, 0.0),
