@@ -41,6 +41,8 @@ pub struct HeightHints<'a> {
     pub unit: Option<HeightUnit>,
     /// Whether the map is in feet, so that heights without a unit may be, too.
     pub is_map_in_feet: bool,
+    /// Height of the ground above sea level in metres, where the plan or an elevation model tells it.
+    pub ground_m: Option<f64>,
 }
 
 /// Base and top of a prism in metres above the ground; the top is above the base.
@@ -135,6 +137,13 @@ pub fn has_height(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
         || height_names::find(attributes, hints.unit.is_some()).iter().any(|height| height.role != HeightRole::Ground)
 }
 
+/// Whether attributes tell the top above sea level only, and not that of the ground.
+pub fn needs_ground(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
+    let named = height_names::find(attributes, hints.unit.is_some());
+    let has = |role| named.iter().any(|height| height.role == role);
+    has(HeightRole::Elevation) && !has(HeightRole::Ground)
+}
+
 /// Height above the ground that attributes tell, in metres.
 pub fn known_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
     top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints, &mut |_, _| {})
@@ -189,10 +198,11 @@ fn top_m(
     }
     let (name, top_m) = first_in_range(of_role(named, HeightRole::Elevation, plain_m), ELEVATION_RANGE_M, note)?;
     let ground = first_in_range(of_role(named, HeightRole::Ground, plain_m), ELEVATION_RANGE_M, note);
-    if ground.is_none() {
+    let ground_m = ground.map(|(_, ground_m)| ground_m).or(hints.ground_m);
+    if ground_m.is_none() {
         note(NO_GROUND_HEIGHT, &format!("{name} is {top_m}"));
     }
-    Some(top_m - ground.map_or(0.0, |(_, ground_m)| ground_m)).filter(|height_m| TOP_RANGE_M.contains(height_m))
+    Some(top_m - ground_m.unwrap_or(0.0)).filter(|height_m| TOP_RANGE_M.contains(height_m))
 }
 
 /// Names and values of a role, best first, with metres in the unit of plain numbers.
@@ -393,5 +403,9 @@ mod tests {
         assert_eq!(height(r#"{"b3_h_dak_max": 14.5, "b3_h_maaiveld": -1.5}"#), (0.0, 16.0, vec![]));
         assert_eq!(height(r#"{"h_dak_max": 14.5}"#), (0.0, 14.5, vec![NO_GROUND_HEIGHT.to_owned()]));
         assert_eq!(height(r#"{"h_dak_max": 1, "h_maaiveld": 2}"#), (0.0, 6.0, vec![GUESSED.to_owned()]));
+        // The plan may have it, or an elevation model.
+        let hints = HeightHints { ground_m: Some(512.5), ..HeightHints::default() };
+        assert_eq!(height_with(r#"{"roof_elev": 524.5}"#, hints), (0.0, 12.0, vec![]));
+        assert_eq!(height_with(r#"{"roof_elev": 524.5, "ground_elev": 510.5}"#, hints), (0.0, 14.0, vec![]));
     }
 }

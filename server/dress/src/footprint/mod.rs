@@ -17,7 +17,7 @@ mod roof_tags;
 
 pub use canopy::Canopy;
 pub use colour::{ResolvedColour, building_colours, by_use};
-pub use height::{BuildingHeight, HeightHints, has_height, known_height_m};
+pub use height::{BuildingHeight, HeightHints, has_height, known_height_m, needs_ground};
 pub use height_names::is_height;
 pub use hidden::{IN_TUNNEL, INDOORS, UNDERGROUND, hidden, is_hidden};
 pub use kind::kind_of;

@@ -6,11 +6,12 @@ use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{
-    BuildingHeight, Canopy, GroundPlan, GroundPlans, PrismMaterials, ResolvedColour, RoofTags, building_colours,
-    by_use, posts,
+    BuildingHeight, Canopy, GroundPlan, GroundPlans, HeightHints, PrismMaterials, ResolvedColour, RoofTags,
+    building_colours, by_use, needs_ground, posts,
 };
 use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
 use insula_dress::roof;
+use insula_read_ground::HEIGHTS_M;
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
 use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS};
@@ -43,7 +44,7 @@ struct BuildingForm {
     facade_use: FacadeUse,
 }
 
-impl SceneSink<'_, '_, '_> {
+impl<'o> SceneSink<'_, 'o, '_> {
     /// Whether footprints lie outside of the wanted area. The scene builder sees that, too, but what is made of them, such as guessed
     /// heights, is counted by then.
     fn is_outside(&mut self, footprints: &[Footprint]) -> bool {
@@ -64,7 +65,8 @@ impl SceneSink<'_, '_, '_> {
             self.report.outside_bbox += 1;
             return Ok(());
         }
-        let form = self.building_form(object);
+        let hints = self.hints_with_ground(object, footprints)?;
+        let form = self.building_form(object, hints);
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for footprint in footprints {
@@ -158,9 +160,33 @@ impl SceneSink<'_, '_, '_> {
         Ok(plans)
     }
 
-    fn building_form(&mut self, object: &SourceObject) -> BuildingForm {
+    /// What is known of the heights of a building besides its attributes, with the ground if they tell its top above sea level only.
+    /// Fails if an elevation model cannot be read.
+    fn hints_with_ground(
+        &mut self,
+        object: &SourceObject,
+        footprints: &[Footprint],
+    ) -> Result<HeightHints<'o>, InputError> {
+        let hints = self.height_hints();
+        if !needs_ground(&object.attributes, hints) {
+            return Ok(hints);
+        }
+        let own = footprints.iter().filter_map(|footprint| {
+            let [x, y] = *footprint.rings.first()?.first()?;
+            Some(self.place([x, y, footprint.ground?])?[2])
+        });
+        let mut ground_m = own.filter(|base_m| HEIGHTS_M.contains(base_m)).reduce(f64::min);
+        if ground_m.is_none() && !self.context.elevation.is_empty() {
+            let corners = footprints.iter().filter_map(|footprint| footprint.rings.first()).flatten();
+            let places: Vec<[f64; 2]> = corners.filter_map(|corner| self.place_on_map(*corner)).collect();
+            ground_m = Some(self.lowest_ground_m(&[places])?);
+        }
+        Ok(HeightHints { ground_m, ..hints })
+    }
+
+    fn building_form(&mut self, object: &SourceObject, hints: HeightHints<'_>) -> BuildingForm {
         let (id, attributes) = (&object.id, &object.attributes);
-        let (options, hints) = (self.context.options, self.height_hints());
+        let options = self.context.options;
         let report = &mut self.report;
         report.footprints += 1;
         let canopy = Canopy::of(attributes);

@@ -200,6 +200,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             field: options.height_field.as_deref(),
             unit: options.height_unit,
             is_map_in_feet: self.placement.is_in_feet(),
+            ground_m: None,
         }
     }
 

@@ -3,8 +3,8 @@
 use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
 use crate::read::{AxisOrders, FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::Scene;
-use insula_source::problems::EITHER_ORDER;
 use insula_source::problems::SWAPPED;
+use insula_source::problems::{EITHER_ORDER, NO_GROUND_HEIGHT};
 
 /// Lowest and highest world height.
 fn heights_m(scene: &Scene) -> [f64; 2] {
@@ -30,6 +30,17 @@ fn footprints_stand_at_the_height_of_their_lowest_corner() {
         let [low, high] = heights_m(&scene);
         assert!((low - base_m).abs() < 1e-3 && (high - base_m - 10.0).abs() < 1e-3, "{ring}: {low} to {high}");
         assert!(is_closed(&scene));
+    }
+}
+
+#[test]
+fn tops_above_sea_level_are_less_the_ground_of_the_plan() {
+    let level = "[[0,0,512.3],[10,0,512.3],[10,10,512.3],[0,10,512.3],[0,0,512.3]]";
+    for attributes in [r#"{"roof_elev": 524.3}"#, r#"{"h_dak_max": 524.3, "h_maaiveld": 512.3}"#] {
+        let (scene, report) = read(&collection(&feature("h", attributes, &polygon(level))));
+        let [low, high] = heights_m(&scene);
+        assert!((low - 512.3).abs() < 1e-3 && (high - 524.3).abs() < 1e-3, "{attributes}: {low} to {high}");
+        assert!(!report.sources[0].problems.contains_key(NO_GROUND_HEIGHT), "{attributes}");
     }
 }
 
