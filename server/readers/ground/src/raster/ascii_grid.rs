@@ -33,9 +33,9 @@ pub(super) struct AsciiGrid {
 struct Header {
     columns: f64,
     rows: f64,
-    /// Of the left, lower corner, or of the centre of the cell there.
-    x: f64,
-    y: f64,
+    /// Of the left, lower corner, or of the centre of the cell there; `None` if the header does not tell.
+    x: Option<f64>,
+    y: Option<f64>,
     /// From there to the centre of the cell, in cells.
     to_centre: [f64; 2],
     width: f64,
@@ -137,14 +137,14 @@ impl Header {
             match &name[..] {
                 "ncols" => header.columns = number,
                 "nrows" => header.rows = number,
-                "xllcorner" => (header.x, header.to_centre[0]) = (number, 0.5),
-                "yllcorner" => (header.y, header.to_centre[1]) = (number, 0.5),
-                "xllcenter" => (header.x, header.to_centre[0]) = (number, 0.0),
-                "yllcenter" => (header.y, header.to_centre[1]) = (number, 0.0),
+                "xllcorner" => (header.x, header.to_centre[0]) = (Some(number), 0.5),
+                "yllcorner" => (header.y, header.to_centre[1]) = (Some(number), 0.5),
+                "xllcenter" => (header.x, header.to_centre[0]) = (Some(number), 0.0),
+                "yllcenter" => (header.y, header.to_centre[1]) = (Some(number), 0.0),
                 "cellsize" => (header.width, header.height) = (number, number),
                 "dx" => header.width = number,
                 "dy" => header.height = number,
-                "nodata_value" => header.nodata = Some(number),
+                "nodata_value" | "nodata" => header.nodata = Some(number),
                 _ => return Err(RasterError::damaged("its header has an unknown word")),
             }
         }
@@ -160,7 +160,7 @@ impl Header {
 
     fn place(&self) -> Option<GeoPlace> {
         let [right, up] = self.to_centre;
-        let origin = [self.x + right * self.width, self.y + (self.rows - 1.0 + up) * self.height];
+        let origin = [self.x? + right * self.width, self.y? + (self.rows - 1.0 + up) * self.height];
         GeoPlace::checked(origin, [self.width, 0.0], [0.0, -self.height])
             .filter(|_| self.width > 0.0 && self.height > 0.0)
     }

@@ -37,6 +37,10 @@ fn ascii_grids() {
     let facts = raster.facts();
     assert_eq!((facts.place.unwrap().origin, facts.nodata), ([11.0, 9.0], Some(-9999.0)));
     assert_eq!(facts.place.unwrap().row, [0.0, -4.0]);
+    let short = "ncols 2\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\nNODATA -1\n-1 7";
+    assert_heights(&heights(short.as_bytes(), 0), &[f32::NAN, 7.0]);
+    let nowhere = open(b"ncols 2\nnrows 1\ncellsize 1\n1 7").unwrap();
+    assert_eq!(nowhere.facts().place, None);
 }
 
 #[test]
