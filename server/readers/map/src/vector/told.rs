@@ -6,7 +6,7 @@ use crate::osm::{NOT_BUILT, kind_by_tags};
 use insula_dress::footprint::{HeightHints, has_height, kind_of, known_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
-use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, TREES_BY_COLUMN};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, NO_SEA, TREES_BY_COLUMN};
 
 /// Why a feature of OpenStreetMap is left out that is in none of the kinds of a city, as in its own files.
 pub(super) const NO_OBJECT: &str = "no object of a city by its tags";
@@ -30,6 +30,9 @@ pub(super) fn told(
         let by_layer = layer.kind.filter(|kind| *kind != FeatureKind::Vegetation || layer.is_of_trees);
         let by_columns = (columns.trees != TreeColumns::Missing).then_some(FeatureKind::Vegetation);
         return Ok(plain.or(by_layer).or(by_columns));
+    }
+    if is_coastline(attributes) {
+        return Err(NO_SEA);
     }
     let by_tags = kind_by_tags(attributes, is_area);
     if by_tags == Some(Err(NOT_BUILT)) {
@@ -83,6 +86,12 @@ pub(super) fn guess(
         Some(kind) if kind != by_layer || kind_of(attributes) == Some(kind) => None,
         Some(kind) => (kind_by_tags(attributes, true) != Some(Ok(kind))).then_some(KIND_BY_NAME),
     }
+}
+
+/// Whether a line, or the area within a closed one, is a coast, whose water lies on its right.
+fn is_coastline(attributes: &Attributes) -> bool {
+    let is_coast = |name: &str| attributes.named(name).and_then(AttributeValue::as_str) == Some("coastline");
+    ["natural", "fclass"].into_iter().any(is_coast)
 }
 
 fn is_osm_key(name: &str) -> bool {

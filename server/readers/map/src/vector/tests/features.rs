@@ -3,7 +3,7 @@
 use super::{read, rings, run};
 use crate::vector::read_csv;
 use insula_source::object::{FeatureKind, Shape};
-use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, TREES_BY_COLUMN};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, NO_SEA, TREES_BY_COLUMN};
 use insula_source::testing::TestSink;
 
 fn features(name: &str, header: &str, lines: &[&str]) -> TestSink {
@@ -211,6 +211,14 @@ fn what_cannot_be_seen_is_left_out() {
     assert_eq!((roads.objects.len(), &roads.skipped[..]), (1, &[("in a tunnel", "a".to_owned())][..]));
     let tunnels = features("tunnels.csv", "id;wkt", &["a;LINESTRING(0 0,99 0)"]);
     assert_eq!(tunnels.skipped, [("in a tunnel", "a".to_owned())]);
+}
+
+#[test]
+fn coastlines_of_which_no_sea_is_made_are_named() {
+    let lines = ["a;LINESTRING(0 0,99 0);coastline", "b;POLYGON((0 0,9 0,9 9,0 0));coastline"];
+    let sink = features("town.csv", "id;wkt;natural", &lines);
+    let named = |id: &str| (NO_SEA, id.to_owned());
+    assert_eq!((sink.objects.len(), &sink.skipped, &sink.problems), (0, &vec![named("a"), named("b")], &sink.skipped));
 }
 
 #[test]
