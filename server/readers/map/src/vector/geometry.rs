@@ -2,7 +2,7 @@
 
 use insula_source::object::TriangleMesh;
 
-/// Positions of a ring or line in source coordinates; z is 0 where the source has none.
+/// Positions of a ring or line in source coordinates; z is 0 where the source has none, and not a number where only this position has none.
 pub(crate) type Ring = Vec<[f64; 3]>;
 /// The outer ring, then the holes.
 pub(crate) type Polygon = Vec<Ring>;
@@ -17,6 +17,11 @@ pub(crate) const UNKNOWN_TYPE: &str = "geometry of unknown type";
 const HEIGHTS: std::ops::RangeInclusive<f64> = -1500.0..=30_000.0;
 /// Larger ones are marks in any unit, such as the largest number of single precision.
 const LARGEST: f64 = 1e9;
+
+/// Whether two positions are one on the map. Their heights may be missing.
+pub(super) fn is_same_place(a: Option<&[f64; 3]>, b: Option<&[f64; 3]>) -> bool {
+    a.is_some() && a.map(|a| &a[..2]) == b.map(|b| &b[..2])
+}
 
 /// All parts of a feature's geometry.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -57,6 +62,12 @@ impl Geometry {
     pub(super) fn settle_heights(&mut self) {
         let has_z = self.positions().any(|position| position[2].is_finite());
         self.has_z = has_z;
+        self.level_without_heights();
+    }
+
+    /// Gives all positions the height 0 if none has one, which are not a number so far. If only some have none, [`Self::fill_heights`]
+    /// gives them theirs.
+    pub(super) fn level_without_heights(&mut self) {
         if !self.has_z {
             self.for_each_position(|position| position[2] = 0.0);
         }

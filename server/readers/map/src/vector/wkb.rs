@@ -1,6 +1,6 @@
 //! Well-known binary in all dialects: ISO (types + 1000, 2000, 3000), EWKB of PostGIS (flags and SRID), both byte orders.
 
-use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use insula_source::arc::divide_arcs;
 
 const FLAG_Z: u32 = 0x8000_0000;
@@ -13,6 +13,7 @@ const MIN_GEOMETRY_BYTES: usize = 5;
 pub(super) fn parse(bytes: &[u8], geometry: &mut Geometry) -> Result<Option<u32>, &'static str> {
     let mut reader = WkbReader { bytes, is_big_endian: false, srid: None };
     reader.geometry(geometry, 0)?;
+    geometry.level_without_heights();
     Ok(reader.srid)
 }
 
@@ -91,7 +92,7 @@ impl WkbReader<'_> {
 
     fn position(&mut self, header: GeometryHeader) -> Result<[f64; 3], &'static str> {
         let (x, y) = (self.f64()?, self.f64()?);
-        let z = if header.has_z { self.f64()? } else { 0.0 };
+        let z = if header.has_z { self.f64()? } else { f64::NAN };
         if header.has_m {
             self.f64()?;
         }
@@ -126,7 +127,7 @@ impl WkbReader<'_> {
         let mut line = Ring::new();
         for _ in 0..self.count(MIN_GEOMETRY_BYTES)? {
             let part = self.curve(depth + 1)?;
-            let shared = usize::from(!line.is_empty() && line.last() == part.first());
+            let shared = usize::from(is_same_place(line.last(), part.first()));
             line.extend(part.into_iter().skip(shared));
         }
         Ok(line)

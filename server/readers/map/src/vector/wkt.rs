@@ -1,6 +1,6 @@
 //! Well-known text, also with the prefix `SRID=4326;` of PostGIS.
 
-use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use insula_source::arc::divide_arcs;
 
 /// Names of geometries. Longer names come before their beginnings.
@@ -37,6 +37,7 @@ pub(super) fn parse(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, 
     let mut parser = WktParser::new(rest);
     parser.geometry(geometry, 0)?;
     geometry.has_z |= parser.found_z;
+    geometry.level_without_heights();
     if parser.peek().is_some_and(|byte| byte != b';') { Err(MALFORMED) } else { Ok(srid) }
 }
 
@@ -134,7 +135,7 @@ impl<'a> WktParser<'a> {
 
     fn position(&mut self) -> Result<[f64; 3], &'static str> {
         let (x, y) = (self.number()?, self.number()?);
-        let mut z = 0.0;
+        let mut z = f64::NAN;
         for index in 0..2 {
             if matches!(self.peek(), None | Some(b',' | b')')) {
                 break;
@@ -204,7 +205,7 @@ impl<'a> WktParser<'a> {
         let mut line = Ring::new();
         self.list(|parser| {
             let part = parser.curve(depth + 1)?;
-            let shared = usize::from(!line.is_empty() && line.last() == part.first());
+            let shared = usize::from(is_same_place(line.last(), part.first()));
             line.extend(part.into_iter().skip(shared));
             Ok(())
         })?;

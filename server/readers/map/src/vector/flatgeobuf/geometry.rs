@@ -2,11 +2,11 @@
 
 use ::flatgeobuf::{Geometry as Table, GeometryType};
 
-use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use insula_source::arc::divide_arcs;
 
-/// Reads a geometry. `header_type` is that of the whole file; `Unknown` if each geometry has its own. `positions_left` is
-/// the number of positions that may still be read. Fails with the reason for skipping the feature.
+/// Reads a geometry, in which missing heights are not a number. `header_type` is that of the whole file; `Unknown` if each geometry
+/// has its own. `positions_left` is the number of positions that may still be read. Fails with the reason for skipping the feature.
 pub(crate) fn read(
     table: &Table<'_>,
     header_type: GeometryType,
@@ -80,7 +80,7 @@ fn line(table: &Table<'_>, positions_left: &mut usize) -> Result<Ring, &'static 
         Some(z) if z.len() < count => return Err(MALFORMED),
         z => z,
     };
-    let height = |i: usize| heights.as_ref().map_or(0.0, |z| z.get(i));
+    let height = |i: usize| heights.as_ref().map_or(f64::NAN, |z| z.get(i));
     Ok((0..count).map(|i| [xy.get(2 * i), xy.get(2 * i + 1), height(i)]).collect())
 }
 
@@ -109,7 +109,7 @@ fn curve(table: &Table<'_>, positions_left: &mut usize, depth: u32) -> Result<Ri
             let mut whole = Ring::new();
             for part in table.parts().into_iter().flatten() {
                 let part = curve(&part, positions_left, depth + 1)?;
-                let shared = usize::from(!whole.is_empty() && whole.last() == part.first());
+                let shared = usize::from(is_same_place(whole.last(), part.first()));
                 whole.extend(part.into_iter().skip(shared));
             }
             Ok(whole)

@@ -197,6 +197,7 @@ fn geometry_of(feature: &Feature<'_>, frame: &[u8], schema: &Schema) -> Result<G
     // Parts of a geometry may refer to the same vector. The limit keeps a small table from becoming a large geometry.
     let mut positions_left = frame.len() / 16 + 1;
     geometry::read(&table, schema.geometry_type, &mut geometry, &mut positions_left, 0)?;
+    geometry.level_without_heights();
     Ok(geometry)
 }
 

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::schema::GeoJsonGeometry;
-use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use crate::vector::orient::ring_area_vector;
 use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
@@ -155,11 +155,6 @@ impl GeoJsonGeometry {
             _ => Err("curve of unknown type".into()),
         }
     }
-}
-
-/// Whether two positions are one on the map. Their heights may be missing.
-fn is_same_place(a: Option<&[f64; 3]>, b: Option<&[f64; 3]>) -> bool {
-    a.is_some() && a.map(|a| &a[..2]) == b.map(|b| &b[..2])
 }
 
 fn ring(positions: JsonRing) -> Ring {

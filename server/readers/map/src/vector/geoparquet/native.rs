@@ -32,8 +32,7 @@ pub(crate) fn read(
             }
         }
     }
-    let has_z = geometry.positions().any(|position| position[2] != 0.0);
-    geometry.has_z |= has_z;
+    geometry.settle_heights();
     Ok(())
 }
 
@@ -64,6 +63,6 @@ fn line(positions: &StructArray, range: std::ops::Range<usize>) -> Result<Ring, 
     if range.end > positions.len() {
         return Err(MALFORMED);
     }
-    let height = |row: usize| z.filter(|z| z.is_valid(row)).map_or(0.0, |z| z.value(row));
+    let height = |row: usize| z.filter(|z| z.is_valid(row)).map_or(f64::NAN, |z| z.value(row));
     Ok(range.map(|row| [x.value(row), y.value(row), height(row)]).collect())
 }

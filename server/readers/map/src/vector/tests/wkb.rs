@@ -67,6 +67,15 @@ fn surfaces_curves_and_empty_geometries() {
 }
 
 #[test]
+fn heights_that_some_parts_lack_are_not_taken_for_0() {
+    let [near, far] = [square(0.0, 0.0, 9.0), square(20.0, 0.0, 9.0)];
+    let parts = [polygon_wkb(&[near], Some(512.0)), polygon_wkb(&[far], None)];
+    let mut mixed = read(&collection(7, &parts)).unwrap();
+    assert!(mixed.fill_heights().is_some_and(f64::is_nan));
+    assert!(mixed.positions().all(|position| position[2] == 512.0), "{mixed:?}");
+}
+
+#[test]
 fn hostile_bytes_fail() {
     let whole = collection(6, &[polygon_wkb(&[square(0.0, 0.0, 9.0), square(1.0, 1.0, 2.0)], Some(1.0))]);
     for length in 0..whole.len() {

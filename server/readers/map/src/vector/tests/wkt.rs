@@ -32,6 +32,14 @@ fn all_types_of_geometry() {
 }
 
 #[test]
+fn heights_that_some_parts_lack_are_not_taken_for_0() {
+    let parts = "POLYGON Z((0 0 512,9 0 512,9 9 512,0 0 512)),POLYGON((20 0,29 0,29 9,20 0))";
+    let mut mixed = read(&format!("GEOMETRYCOLLECTION({parts})")).unwrap();
+    assert!(mixed.fill_heights().is_some_and(f64::is_nan));
+    assert!(mixed.positions().all(|position| position[2] == 512.0), "{mixed:?}");
+}
+
+#[test]
 fn systems_in_front() {
     let srid = |text: &str| parse(text, &mut Geometry::default());
     assert_eq!(srid("SRID=28992;POINT(1 2)"), Ok(Some(28992)));
