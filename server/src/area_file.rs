@@ -28,6 +28,30 @@ pub(crate) fn read_polygons(
     Ok(polygons)
 }
 
+/// As [`read_polygons`]. Fails also if they have no place in common with the city.
+pub(crate) fn polygons_in_city(
+    path: &Path,
+    city: [[f64; 2]; 2],
+    place: Option<&EarthPlace>,
+) -> Result<Vec<Polygon>, String> {
+    let polygons = read_polygons(path, city, place)?;
+    if meets(polygons.iter().flatten().flatten().copied(), city) {
+        return Ok(polygons);
+    }
+    let reason =
+        "beyond the city: write longitude before latitude in degrees, or metres of the city's coordinate system";
+    Err(format!("{}: {reason}", path.display()))
+}
+
+/// Whether the rectangle around some points has a place in common with a city between two corners.
+fn meets(points: impl Iterator<Item = [f64; 2]> + Clone, city: [[f64; 2]; 2]) -> bool {
+    (0..2).all(|axis| {
+        let along = points.clone().map(|point| point[axis]);
+        let [low, high] = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+        low <= city[1][axis] && city[0][axis] <= high
+    })
+}
+
 /// Brings the points of a file to the map of a city with these bounds: they may be in degrees, or in metres of the city. Fails if their
 /// places cannot be known.
 pub(crate) fn bring_to_map(
@@ -36,12 +60,7 @@ pub(crate) fn bring_to_map(
     place: Option<&EarthPlace>,
 ) -> Result<(), &'static str> {
     let is_in_degrees = points.iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
-    let bounds = [0, 1].map(|axis| {
-        let along = points.iter().map(|point| point[axis]);
-        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-    });
-    let is_in_city = (0..2).all(|axis| bounds[axis][0] <= city[1][axis] && city[0][axis] <= bounds[axis][1]);
-    if !is_in_degrees || is_in_city {
+    if !is_in_degrees || meets(points.iter().map(|point| **point), city) {
         return Ok(());
     }
     let place = place
@@ -106,6 +125,25 @@ mod tests {
         assert!(read(&degrees, None).unwrap_err().contains("not known where on Earth"));
         for wrong in ["{}", r#"{"type": "Polygon", "coordinates": [[["a", 1]]]}"#, r#"{"type": "Polygon"}"#] {
             assert!(read(wrong, None).unwrap_err().contains("no GeoJSON polygon"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn polygons_beyond_the_city_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = EarthPlace::of("EPSG:25832").unwrap();
+        let city = [[691_000.0, 5_334_000.0], [692_000.0, 5_335_000.0]];
+        let read = |ring: &str| {
+            let path = folder.path().join("a.geojson");
+            std::fs::write(&path, format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#)).unwrap();
+            polygons_in_city(&path, city, Some(&place))
+        };
+        assert_eq!(read("[[11.567, 48.13], [11.57, 48.13], [11.57, 48.14]]").unwrap().len(), 1);
+        assert_eq!(read("[[691900, 5334000], [693000, 5334000], [693000, 5334500]]").unwrap().len(), 1);
+        // In metres of somewhere else, and latitudes before longitudes.
+        for ring in ["[[0, 0], [500, 0], [500, 500]]", "[[48.13, 11.567], [48.13, 11.57], [48.14, 11.57]]"] {
+            let error = read(ring).unwrap_err();
+            assert!(error.contains("a.geojson: ") && error.contains("city"), "{error}");
         }
     }
 }

@@ -272,10 +272,15 @@ fn a_view_is_exported_with_its_camera() {
     fs::write(folder.path().join("here.json"), CAMERA.replace("85010, 447006, 4", "84980, 446970, 30")).unwrap();
     let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
     fs::write(folder.path().join("away.json"), away).unwrap();
+    let elsewhere = r#"{"type": "Polygon", "coordinates": [[[8, 44], [8.1, 44], [8.1, 44.1]]]}"#;
+    fs::write(folder.path().join("away.geojson"), elsewhere).unwrap();
     for (out, more, words) in [
         ("rows.csv", &["--camera", "camera.json"][..], "--format glb"),
         ("rows.csv", &["--format", "geojson"], "another format"),
         ("-", &["--format", "csv"], "standard output"),
+        ("rows.csv", &["--bbox", "8,44,8.1,44.1"], "--bbox 8,44,8.1,44.1: beyond the city, which lies in 4.3"),
+        ("rows.csv", &["--bbox-metres", "0,0,9,9"], "beyond the city, which lies in 8"),
+        ("rows.csv", &["--polygon", "away.geojson"], "--polygon away.geojson: beyond the city"),
     ] {
         let (found, error) = export_to(out, more);
         assert!(found == Some(2) && error.contains(words) && !folder.path().join(out).exists(), "{out}: {error}");

@@ -2,7 +2,7 @@
 
 use super::{error::CommandError, output::print_result, site_documents::NO_PLACE};
 use crate::{
-    area_file::read_polygons,
+    area_file::polygons_in_city,
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let has_datum = city.manifest().heights.is_some();
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(has_datum));
     let selection = selection(args, &source, place.as_ref())?;
-    let nothing = nothing_selected(args, &selection, &source, place.as_ref());
+    let nothing = no_object_passes(args, &selection);
     nothing.iter().for_each(|reason| eprintln!("note: nothing is selected: {}", printable(reason)));
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let (mut facts, text) = match format {
@@ -204,20 +204,10 @@ pub(super) fn plane_of(place: &EarthPlace) -> Option<PlaneDefinition> {
     Some(PlaneDefinition { base_epsg, proj: proj.to_owned(), ellipsoid, is_north_first })
 }
 
-/// Which option alone selects nothing, as a reason; `None` if none does.
-fn nothing_selected(
-    args: &ExportArgs,
-    selection: &ObjectSelection,
-    source: &StoredCity<'_>,
-    place: Option<&EarthPlace>,
-) -> Option<String> {
-    if let (Some(text), Some(objects)) = (&args.filter, &selection.objects)
-        && objects.is_empty()
-    {
-        return Some(format!("--filter {text}: {NONE_PASSES}"));
-    }
-    let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-    args.area.beyond(selection.bbox?, city, &|p| place?.lon_lat(p))
+/// Why the filter alone selects nothing; `None` if it selects something.
+fn no_object_passes(args: &ExportArgs, selection: &ObjectSelection) -> Option<String> {
+    let (text, objects) = args.filter.as_ref().zip(selection.objects.as_ref())?;
+    objects.is_empty().then(|| format!("--filter {text}: {NONE_PASSES}"))
 }
 
 /// The options that restrict a selection, in words.
@@ -260,15 +250,16 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
     view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
 }
 
-/// What the arguments select. Fails if an expression or a file is invalid.
+/// What the arguments select. Fails if an expression or a file is invalid, and if an area lies beyond the city.
 fn selection(
     args: &ExportArgs,
     source: &StoredCity<'_>,
     place: Option<&EarthPlace>,
 ) -> Result<ObjectSelection, CommandError> {
-    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
     let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-    let polygons = args.polygon.as_deref().map(|path| read_polygons(path, city, place)).transpose();
+    let on_map = |degrees| place?.box_on_map(degrees);
+    let bbox = args.area.box_in_city(city, on_map, &|at| place?.lon_lat(at)).map_err(CommandError::Usage)?;
+    let polygons = args.polygon.as_deref().map(|path| polygons_in_city(path, city, place)).transpose();
     let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--polygon {reason}")))?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygons: polygons.map(SelectedArea::new), objects })
