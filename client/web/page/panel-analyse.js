@@ -1,7 +1,7 @@
 /** The panel of analyses: the server computes sun, sky or shadow around the middle of the view, and the result lies on the city as colours. */
 
 import { alarm, announce } from './announcer.js';
-import { element, printable, setText } from './dom.js';
+import { element, setText } from './dom.js';
 import { strings } from './strings.js';
 import { button, choice, select } from './widgets.js';
 
@@ -13,6 +13,8 @@ const DEFAULT_SIDE_M = '300';
 const SHARES = ['sky', 'share'];
 /** How opaque colours are on the city, as the last digits of a colour. */
 const OPACITY = 'b0';
+/** Where panels cover the city; the style has the same width. */
+const NARROW = '(max-width: 46rem)';
 
 /** Names of the rules by which the server computes hours of sun; empty if it makes no analyses. @returns {string[]} */
 export function offeredRules() {
@@ -48,8 +50,22 @@ export function analysePanel(page, rules) {
   const state = element('p', { class: 'hint' });
   const result = element('div', { class: 'analysis', role: 'group', 'aria-label': texts.result });
   const run = button({ text: texts.run, class: 'primary', press: () => (running ? running.abort() : compute()) });
+  const questions = element('div', { class: 'questions' }, kind.node, rule.node, side.node);
+  const unfold = () => {
+    fold(false);
+    kind.node.querySelector(':checked')?.focus();
+  };
+  const again = button({ text: texts.kind, press: unfold });
+  const buttons = element('div', { class: 'chips' }, again, run);
+  /** Leaves out the questions, so that the panel covers little of a result on a narrow screen. */
+  const fold = (isFolded) => {
+    questions.hidden = isFolded;
+    again.hidden = !isFolded;
+  };
+  fold(false);
 
   const clear = () => {
+    fold(false);
     shown?.remove();
     shown = null;
     result.replaceChildren();
@@ -67,17 +83,18 @@ export function analysePanel(page, rules) {
     showBusy(true);
     try {
       const answer = await ask(city, await questionOf(page, asked), own.signal);
-      const figures = await figuresOn(city);
+      const figures = await figuresOn(city).catch(lost);
       own.signal.throwIfAborted();
       showBusy(false);
       shown = { answer, remove: lay(figures, answer) };
       result.replaceChildren(...resultNodes(answer));
+      fold(matchMedia(NARROW).matches);
       setText(state, texts.done);
       announce(texts.done);
     } catch ({ message }) {
       showBusy(false);
       if (own.signal.aborted) return;
-      setText(state, texts.failed(printable(message)));
+      setText(state, texts.failed(message));
       alarm(state.textContent ?? '');
     } finally {
       running = null;
@@ -96,7 +113,7 @@ export function analysePanel(page, rules) {
     running?.abort();
     clear();
   };
-  return { title: texts.title, content: [kind.node, rule.node, side.node, run, bar, state, result], closed };
+  return { title: texts.title, content: [questions, buttons, bar, state, result], closed };
 }
 
 /** What the server is asked. Fails if the middle of the view shows the sky. */
@@ -109,15 +126,19 @@ async function questionOf({ city, view }, { kind, rule, side }) {
   return { kind, ...own[kind], bbox_metres: [x - half, y - half, x + half, y + half] };
 }
 
+/** Asks the server. What it says of a problem is English, so that the page has its own words for the status. */
 async function ask({ src }, question, signal) {
   const url = new URL(src, document.baseURI);
   url.pathname = url.pathname.replace(/\/*$/, '/analyse');
   const headers = { 'content-type': 'application/json' };
-  const response = await fetch(url, { method: 'POST', headers, body: JSON.stringify(question), signal });
-  if (response.ok) return response.json();
-  // A proxy in between answers with pages of its own.
-  const { detail } = await response.json().catch(() => ({}));
-  throw new Error(detail ?? `HTTP ${response.status}`);
+  const response = await fetch(url, { method: 'POST', headers, body: JSON.stringify(question), signal }).catch(lost);
+  if (response.ok) return response.json().catch(lost);
+  throw new Error(texts.reasons[response.status] ?? `HTTP ${response.status}`);
+}
+
+/** @returns {never} */
+function lost() {
+  throw new Error(texts.reasons.lost);
 }
 
 /** What draws on the city, which is fetched when it is needed first. @type {Promise<any>|null} */

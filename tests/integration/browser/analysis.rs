@@ -2,6 +2,7 @@
 
 use super::{
     browser,
+    controls::{COVERED, PHONE},
     viewer::{REACTION, ensure_no_problems, keep},
 };
 use anyhow::{Result, ensure};
@@ -11,6 +12,7 @@ use insula_tests::{
     fixtures,
     programs::{ServerProcess, program},
 };
+use serde_json::json;
 use std::process::Command;
 
 /// The panel leaves the middle free.
@@ -23,7 +25,7 @@ const IS_DRAWN: &str = "(canvas => canvas.getContext('2d').getImageData(0, 0, ca
     (document.querySelector('insula-city').shadowRoot.querySelector('canvas.draped'))";
 
 /// A page of a town whose server makes so many analyses at once.
-fn open(at_once: &str) -> Result<(ServerProcess, CityPage)> {
+fn open(at_once: &str, options: PageOptions) -> Result<(ServerProcess, CityPage)> {
     let folder = tempfile::tempdir()?;
     let input = fixtures::write_city_json(folder.path(), HOUSES_PER_SIDE)?;
     let city = fixtures::baked(
@@ -33,14 +35,14 @@ fn open(at_once: &str) -> Result<(ServerProcess, CityPage)> {
     let mut command = Command::new(program("insula-server")?);
     let setting = format!("analyses.at_once={at_once}");
     let server = ServerProcess::start(&mut command, &city, "127.0.0.1:0", &[&setting])?;
-    let page = CityPage::open(browser(false)?.as_ref(), OPTIONS, &format!("http://{}/", server.address))?;
+    let page = CityPage::open(browser(false)?.as_ref(), options, &format!("http://{}/", server.address))?;
     page.wait_until_final(0)?;
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
     Ok((server, page))
 }
 
 pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
-    let (_server, page) = open("1")?;
+    let (_server, page) = open("1", OPTIONS)?;
     let is_drawer = |url: &str| url.ends_with("/draped-figures.js");
     let fetched = page.page.requests()?.iter().any(|request| is_drawer(&request.url));
     ensure!(!fetched, "what draws on the city is fetched before it is needed");
@@ -66,19 +68,48 @@ pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
     page.page.wait_for(&format!("{state}.startsWith('Here: ')"), REACTION)?;
     let selected = page.page.evaluate(&format!("{}.selection.length", CityPage::element(0)))?;
     ensure!(selected == 0, "a click on the colours selects {selected} objects");
-    // The panel shows the server's reason for a failure.
-    page.page.evaluate(
-        "globalThis.fetch = () => Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 })); 0",
-    )?;
-    page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
-    page.page.wait_for(&format!("{state} === 'The analysis failed: no time' && !({IS_DRAWN})"), REACTION)?;
+    // What the server says is English: the panel has the reasons in the language of the page.
+    for (response, reason) in [
+        ("Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 }))", "the server has too much to do: "),
+        ("Promise.resolve(Response.json({ detail: 'too large' }, { status: 400 }))", "the square is too large "),
+        ("Promise.resolve(new Response('of a proxy', { status: 502 }))", "HTTP 502"),
+        ("Promise.reject(new TypeError('Failed to fetch'))", "the server does not answer"),
+    ] {
+        page.page.evaluate(&format!("globalThis.fetch = () => {response}; 0"))?;
+        page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
+        let is_told = format!("{state}.startsWith('The analysis failed: {reason}') && !({IS_DRAWN})");
+        page.page.wait_for(&is_told, REACTION)?;
+    }
     page.page.press("Escape")?;
     page.page.wait_for(&format!("{PANEL} === null"), REACTION)?;
     ensure_no_problems(&page)
 }
 
+/// On a phone, the questions make room for the result, and come back when they are asked for.
+pub(super) fn a_result_leaves_a_phone_free() -> Result<()> {
+    let (_server, page) = open("1", PHONE)?;
+    page.page.evaluate("document.querySelector('.tool:has(.icon-analyse)').click()")?;
+    page.page.wait_for(&format!("{PANEL}?.querySelector('.questions').checkVisibility()"), REACTION)?;
+    page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
+    page.page.wait_for(&format!("{PANEL}.querySelectorAll('.classes li').length >= 2"), REACTION)?;
+    page.page.wait_for(IS_DRAWN, REACTION)?;
+    // The layout follows the height of the panel, which observers report before the second frame.
+    page.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")?;
+    keep(&page, "analysis-phone")?;
+    let covered = page.page.evaluate(COVERED)?;
+    ensure!(covered == json!([]), "{covered}");
+    let middle = page.page.evaluate("document.elementFromPoint(innerWidth / 2, innerHeight / 2).localName")?;
+    ensure!(middle == "insula-city", "{middle} lies over the result");
+    let is_legend_seen = "(legend => document.elementFromPoint(legend.left + 9, legend.top + 9).closest('.classes') !== null)\
+        (document.querySelector('.classes').getBoundingClientRect())";
+    ensure!(page.page.evaluate(is_legend_seen)? == true, "the legend is not seen");
+    page.page.evaluate(&format!("{PANEL}.querySelector('.chips button').click()"))?;
+    page.page.wait_for(&format!("{PANEL}.querySelector('.questions').checkVisibility()"), REACTION)?;
+    ensure_no_problems(&page)
+}
+
 pub(super) fn a_server_without_analyses_offers_none() -> Result<()> {
-    let (_server, page) = open("0")?;
+    let (_server, page) = open("0", OPTIONS)?;
     let is_offered = page.page.evaluate("document.querySelector('.tool:has(.icon-analyse)').checkVisibility()")?;
     ensure!(is_offered == false, "the page offers what the server does not compute");
     ensure_no_problems(&page)

@@ -9,7 +9,7 @@ use insula_tests::browser::{PageOptions, city_page::CityPage};
 use serde_json::json;
 
 /// A narrow phone upright; the narrowest upright, a phone on its side, a frame in an article; a larger one on its side, a tablet, a desktop.
-const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
+pub(super) const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
 const SMALLER: [PageOptions; 3] = [
     PageOptions { size: [320, 568], dark: false, touch: true },
     PageOptions { size: [640, 360], dark: false, touch: true },
@@ -23,7 +23,7 @@ const LARGER: [PageOptions; 3] = [
 
 /// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, and lines that
 /// are lower than their letters.
-const COVERED: &str = "(() => {
+pub(super) const COVERED: &str = "(() => {
     const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
     const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
     const boxes = all('.title, .toolbar, .panel, .notice, .navigation, .sources, .furniture .lines, .compass, .legend');

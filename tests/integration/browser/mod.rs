@@ -65,7 +65,7 @@ const QUICK: [(&str, Run); 16] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 27] = [
+const FULL: [(&str, Run); 28] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
@@ -74,6 +74,7 @@ const FULL: [(&str, Run); 27] = [
     ("panels_cover_nothing_on_larger_screens", controls::panels_cover_nothing_on_larger_screens),
     ("chosen_days_are_those_they_name", controls::chosen_days_are_those_they_name),
     ("a_server_without_analyses_offers_none", analysis::a_server_without_analyses_offers_none),
+    ("a_result_leaves_a_phone_free", analysis::a_result_leaves_a_phone_free),
     ("a_server_that_starts_late_is_found", component::a_server_that_starts_late_is_found),
     ("touch_moves_the_camera", viewer::touch_moves_the_camera),
     ("a_click_picks_a_point_of_the_city", viewer::a_click_picks_a_point),
