@@ -41,7 +41,7 @@ pub struct Manifest {
     /// World bounds of the city in metres, `[min, max]`.
     pub bounds: [[f64; 3]; 2],
     /// World x and y of the part where most of the city stands, `[min, max]`, in metres: the initial view. A tenth of
-    /// the leaves' bytes lies beyond each side.
+    /// the bytes of the leaves in which something stands lies beyond each side.
     pub focus: [[f64; 2]; 2],
     /// World height in metres of the ground plane that clients draw where there is no column.
     pub ground_z_m: f64,

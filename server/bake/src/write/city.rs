@@ -35,7 +35,7 @@ use super::{
     attributions::{Attributions, is_publisher},
     files::write_synced,
     fingerprints::Fingerprints,
-    focus,
+    focus::{self, Standing},
     objects::NumberedRecords,
     search, thumbnail,
     tile_bytes::TileContent,
@@ -217,11 +217,14 @@ pub(crate) fn write_others(
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
-    let (mut search, mut buildings) = (None, 0);
+    let (mut search, mut buildings, mut standing) = (None, 0, None);
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let mut schema = objects.schema()?;
         label(&mut schema, &input, progress);
-        buildings = objects.buildings()?;
+        let kinds = objects.kinds()?;
+        buildings = objects.buildings(&kinds)?;
+        standing = Some(objects.standing(&kinds, input.grid)?);
+        drop(kinds);
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
     }
@@ -231,7 +234,7 @@ pub(crate) fn write_others(
         bytes += length;
         hashes.push(hash_file(&folder.join(SEARCH_FILE))?);
     }
-    let mut manifest = build_manifest(&input);
+    let mut manifest = build_manifest(&input, standing.as_ref());
     let search_index = search.map(|_| search::checksum(&folder.join(SEARCH_FILE))).transpose()?;
     manifest.marks = Some(CityMarks { search_index });
     let Attributions { all, filled_in } = Attributions::new(&input.config.attribution, input.read);
@@ -327,13 +330,13 @@ fn hash_file(path: &Path) -> Result<[u8; blake3::OUT_LEN], BakeError> {
     Ok(hasher.finalize().into())
 }
 
-fn build_manifest(input: &CityInput<'_>) -> Manifest {
+fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifest {
     let CityInput { config, grid, facts, read, tree, .. } = input;
     // What names a publisher is no place.
     let is_place = |title: &&String| !is_publisher(title);
     let source_title = || read.sources.iter().flat_map(|source| &source.titles).find(is_place).cloned();
     let per_level = |f: fn(&[StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
-    let (crs, focus) = (facts.crs.clone().or_else(|| read.crs.clone()), focus(input));
+    let (crs, focus) = (facts.crs.clone().or_else(|| read.crs.clone()), focus(input, standing));
     let location = crs.as_deref().and_then(|crs| locate(crs, focus));
     Manifest {
         format_version: FORMAT_VERSION,
@@ -371,10 +374,10 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
 }
 
 /// What one sees first of the city: `[min, max]` in world coordinates.
-fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
+fn focus(input: &CityInput<'_>, standing: Option<&Standing>) -> [[f64; 2]; 2] {
     let CityInput { grid, facts, tree, .. } = input;
     let leaves = tree.level(grid.depth).iter().map(|tile| ([tile.id.x(), tile.id.y()], tile.bytes)).collect();
-    let Some(cells) = focus::of_leaves(leaves) else {
+    let Some(cells) = focus::of_city(leaves, standing) else {
         return [0, 1].map(|end| [facts.bounds[end][0], facts.bounds[end][1]]);
     };
     let side_m = grid.node_side_m(grid.depth);

@@ -7,6 +7,7 @@ use insula_scratch::record_list::RecordList;
 use std::{collections::HashMap, path::Path};
 
 use insula_objects::{
+    FeatureKind,
     block::{self, BLOCK_OBJECTS, ObjectBounds, ObjectRecord},
     schema::{Schema, SchemaBuilder},
 };
@@ -15,10 +16,14 @@ use insula_protocol::{
     object_tile::{self, MAX_CONTENT_BYTES, SCHEMA_ID, block_id, block_number},
 };
 
-use super::archive::{self, WrittenArchive};
+use super::{
+    archive::{self, WrittenArchive},
+    focus::Standing,
+};
 use crate::{
     error::BakeError,
     scene::{
+        grid::CityGrid,
         object_numbers::NumberedObject,
         object_records::{ObjectRecords, RecordReader},
     },
@@ -56,14 +61,19 @@ impl NumberedRecords<'_> {
         Ok(schema)
     }
 
-    /// Number of buildings, each once with all its parts. Fails if a record cannot be read.
-    pub(crate) fn buildings(&self) -> Result<u64, BakeError> {
+    /// The kind of each object by number; `None` for numbers that are not in use. Fails if a record cannot be read.
+    pub(crate) fn kinds(&self) -> Result<Vec<Option<FeatureKind>>, BakeError> {
         let mut reader = self.records.reader()?;
         let mut kinds = Vec::with_capacity(self.rows.len());
         self.rows.try_for_each(|_, row| {
             kinds.push(row.as_ref().map(|row| reader.read(row.record).map(|record| record.kind)).transpose()?);
             Ok::<_, BakeError>(())
         })?;
+        Ok(kinds)
+    }
+
+    /// Number of buildings, each once with all its parts, of objects of these [kinds](Self::kinds). Fails if a row cannot be read.
+    pub(crate) fn buildings(&self, kinds: &[Option<FeatureKind>]) -> Result<u64, BakeError> {
         let kind_of = |number: u32| kinds.get(number as usize).copied().flatten();
         let mut buildings = 0;
         self.rows.try_for_each(|number, row| {
@@ -74,6 +84,19 @@ impl NumberedRecords<'_> {
             Ok::<_, BakeError>(())
         })?;
         Ok(buildings)
+    }
+
+    /// Where objects of these [kinds](Self::kinds) stand. Fails if a row cannot be read.
+    pub(crate) fn standing(&self, kinds: &[Option<FeatureKind>], grid: &CityGrid) -> Result<Standing, BakeError> {
+        let mut standing = Standing::new(grid);
+        self.rows.try_for_each(|number, row| {
+            let stands = kinds.get(number).copied().flatten().is_some_and(Standing::stands);
+            if let Some(bounds_m) = row.as_ref().and_then(|row| row.bounds_m).filter(|_| stands) {
+                standing.add(bounds_m);
+            }
+            Ok::<_, BakeError>(())
+        })?;
+        Ok(standing.finish())
     }
 
     /// Writes the archive. Fails if a record cannot be read or the file cannot be written.
@@ -188,6 +211,6 @@ mod tests {
         rows.push(None);
         let rows = rows.into();
         let numbered = NumberedRecords { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
-        assert_eq!(numbered.buildings().unwrap(), 3);
+        assert_eq!(numbered.buildings(&numbered.kinds().unwrap()).unwrap(), 3);
     }
 }
