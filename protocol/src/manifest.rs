@@ -1,6 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
-use crate::text::count;
+use crate::{sea::SeaEnds, text::count};
 use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
@@ -77,6 +77,9 @@ pub struct Manifest {
     /// By what its other files are known as those of its bake; `None` in older manifests, whose files may have no marks.
     #[serde(default)]
     pub marks: Option<CityMarks>,
+    /// Where the city ends in the sea, if the sources tell the sea from other water. Older manifests do not have the field.
+    #[serde(default)]
+    pub sea: Option<SeaEnds>,
 }
 
 /// What tells the files of a city from those of other bakes. Each archive has the mark of the version besides.
@@ -237,6 +240,7 @@ impl Manifest {
             return Err(format!("depth is {}, the limit is {}", self.depth, crate::tile_id::MAX_LEVEL));
         }
         let numbers = self.origin.iter().chain(&self.bounds[0]).chain(&self.bounds[1]);
+        let numbers = numbers.chain(self.sea.iter().flat_map(SeaEnds::lengths));
         let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([
             &self.root_side_m,
             &self.cell_m,
@@ -255,6 +259,7 @@ impl Manifest {
         if !is_name(&self.name) || !is_name(&self.version) {
             return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
         }
+        self.sea.as_ref().map_or(Ok(()), SeaEnds::check)?;
         self.check_texts()
     }
 
@@ -408,6 +413,7 @@ mod tests {
             stones: Vec::new(),
             street_sets: false,
             marks: None,
+            sea: None,
         }
     }
 
@@ -416,7 +422,13 @@ mod tests {
         assert_eq!(manifest().check(), Ok(()));
         let attribution = |length: usize| Attribution { text: "x".repeat(length), licence: None, url: None };
         let nowhere = GeoLocation { latitude_deg: 91.0, longitude_deg: 0.0, north_deg: 0.0 };
-        let changes: [&dyn Fn(&mut Manifest); 7] = [
+        let sea = |east: f64, digit: &str| {
+            Some(SeaEnds { ends: [[0.0; 2], [east, 1.0]], step_m: 1.0, sides: digit.repeat(256), rgb: [0; 3] })
+        };
+        assert_eq!(Manifest { sea: sea(2.0, "f"), ..manifest() }.check(), Ok(()));
+        let changes: [&dyn Fn(&mut Manifest); 9] = [
+            &|manifest| manifest.sea = sea(2.0, "x"),
+            &|manifest| manifest.sea = sea(1e10, "f"),
             &|manifest| manifest.location = Some(nowhere),
             &|manifest| manifest.title.push('x'),
             &|manifest| manifest.crs = Some("x".repeat(MAX_TEXT_BYTES + 1)),

@@ -155,7 +155,7 @@ impl Shading {
 }
 
 /// Parts of a side of the city that are land or sea.
-pub(crate) const SHORE_PARTS: u32 = 64;
+pub(crate) const SHORE_PARTS: u32 = insula_protocol::sea::PARTS as u32;
 /// Rows of four words that hold a byte of each part of the four sides.
 pub(crate) const SHORE_ROWS: usize = 4 * SHORE_PARTS as usize / 16;
 

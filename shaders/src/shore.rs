@@ -1,10 +1,10 @@
 //! The ends of a city in water: where the sea goes on beyond what the source describes.
 //!
-//! It is found in the V-BlockMap of the whole city. By fields of [`FrameUniform`], rays that meet the plane, or generated ground, beyond
-//! the city see the sea.
+//! A manifest tells it, if the bake knows what is sea. Else it is found in the V-BlockMap of the whole city. By fields of
+//! [`FrameUniform`], rays that meet the plane, or generated ground, beyond the city see the sea.
 
 use crate::{
-    layout::{FrameUniform, ROOF_PLANE, SHORE_PARTS, WALK_PLANE},
+    layout::{FrameUniform, ROOF_PLANE, WALK_PLANE},
     pack::{FLAGS_SHIFT, PackedNode},
     srgb::linear_of,
 };
@@ -12,45 +12,90 @@ use glam::{DVec2, Vec3};
 use insula_protocol::{
     NODE_CELLS,
     blockmap::{flag, ground::GROUND_COLOUR},
+    sea::{PARTS, SeaEnds, SeaSides},
     texel::Texel,
 };
 
-/// Land beside the sea that the source does not describe may be this many cells wide.
+/// Land beside the sea that the source does not describe may be this many cells of the coarsest V-BlockMap wide.
 const MOST_BARE_CELLS: usize = 12;
-/// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.
-const LEAST_SEA_CELLS: usize = 3;
-/// Shorter ends of the sea are harbours or river mouths.
-const LEAST_SEA_PARTS: usize = 4;
-/// Shorter ends of land in the sea are piers, which end, too, or corners of a map that is not parallel to the city's axes.
-const LEAST_LAND_PARTS: usize = 6;
+/// Largest number of steps inwards: it has four bits.
+const MOST_STEPS: u16 = 15;
 /// Far from the map, coasts are blurred by this many parts (standard deviation).
 const BLUR_PARTS: f32 = 5.0;
-const ALL_PARTS: usize = 4 * SHORE_PARTS as usize;
+const ALL_PARTS: usize = 4 * PARTS;
 
-/// A number for each part of the west, south, east and north side.
-type Sides = [[u8; SHORE_PARTS as usize]; 4];
+/// What counts as an end in the sea.
+#[derive(Debug, Clone, Copy)]
+struct Rules {
+    /// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.
+    sea_cells: usize,
+    /// Shorter ends of the sea are harbours or river mouths.
+    sea_parts: usize,
+    /// Shorter ends of land in the sea are piers, which end, too, or corners of a map that is not parallel to the city's axes.
+    land_parts: usize,
+}
+
+/// Of water that may be no sea, in cells of the coarsest V-BlockMap.
+const GUESSED: Rules = Rules { sea_cells: 3, sea_parts: 4, land_parts: 6 };
+/// Of what is known to be sea: a narrow arm or a basin, too. A strip of a single part would be a canal to the horizon.
+const KNOWN: Rules = Rules { sea_cells: 1, sea_parts: 2, land_parts: 4 };
 
 /// Where a city ends in water.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shore {
     /// West, south, east and north end of what the source describes, in cells of the city's coarsest V-BlockMap.
-    ends: [usize; 4],
-    /// Parts of the west, south, east and north end, from west to east or from south to north: cells inwards from the end in which bare
+    ends: [f64; 4],
+    /// Length of a step inwards, in these cells.
+    step: f64,
+    /// Parts of the west, south, east and north end, from west to east or from south to north: steps inwards from the end in which bare
     /// ground is sea; 0 for land.
-    sides: Sides,
+    sides: SeaSides,
     /// How much of what lies far beyond each part is sea, 0 to 15.
-    shares: Sides,
+    shares: SeaSides,
     /// Colour of most of the water, linear.
     albedo: Vec3,
 }
 
 /// The top of a cell, as seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Cell {
+pub enum Cell {
     /// Nothing, or generated ground.
     Bare,
     Water,
     Other,
+}
+
+/// Where a map of cells ends in water.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CellEnds {
+    /// West, south, east and north end of what is not bare, in cells.
+    pub ends: [usize; 4],
+    /// Length of a step, in cells.
+    pub step: usize,
+    /// Steps inwards from the ends in which bare ground is sea; 0 for land.
+    pub sides: SeaSides,
+}
+
+impl CellEnds {
+    /// Of a square map of a city, row by row from the south-west, whose water is all sea; `side` is its number of cells along a side, a
+    /// multiple of [`NODE_CELLS`]. `None` if none of its ends is sea.
+    pub fn of_sea(cells: &[Cell], side: usize) -> Option<Self> {
+        Self::new(cells, side, KNOWN)
+    }
+
+    fn new(cells: &[Cell], side: usize, rules: Rules) -> Option<Self> {
+        let described = || (0..cells.len()).filter(|i| cells[*i] != Cell::Bare).map(|i| [i % side, i / side]);
+        let [west, south] = [0, 1].map(|axis| described().map(|place| place[axis]).min().unwrap_or(0));
+        let [east, north] = [0, 1].map(|axis| described().map(|place| place[axis] + 1).max().unwrap_or(0));
+        let ends = [west, south, east, north];
+        let mut inwards = [0, 1, 2, 3].map(|end| sea_along(cells, side, ends, end, rules));
+        leave_out_short_runs(&mut inwards, rules);
+        let most = inwards.as_flattened().iter().copied().max().unwrap_or(0);
+        let step = most.div_ceil(MOST_STEPS);
+        // None is longer than so many steps.
+        let sides = inwards.map(|end| end.map(|cells| if step > 0 { cells.div_ceil(step) as u8 } else { 0 }));
+        (step > 0).then_some(Self { ends, step: step.into(), sides })
+    }
 }
 
 impl Shore {
@@ -72,29 +117,33 @@ impl Shore {
         }
         // Cells at coasts have the colours of land, too.
         let albedo = median(&water)?;
-        let described =
-            || (0..cells.len()).filter(|i| cells[*i] != Cell::Bare).map(|i| [i % NODE_CELLS, i / NODE_CELLS]);
-        let [west, south] = [0, 1].map(|axis| described().map(|place| place[axis]).min().unwrap_or(0));
-        let [east, north] = [0, 1].map(|axis| described().map(|place| place[axis] + 1).max().unwrap_or(0));
+        let CellEnds { ends, step, sides } = CellEnds::new(&cells, NODE_CELLS, GUESSED)?;
+        let ends = ends.map(|end| end as f64);
+        Some(Self { ends, step: step as f64, sides, shares: blurred(&sides), albedo })
+    }
+
+    /// The shore that a manifest tells, for a coarsest V-BlockMap with its south-west corner at `corner`, in metres of the world, and cells
+    /// of `cell_m`. `None` if its sides are damaged.
+    pub fn known(sea: &SeaEnds, corner: DVec2, cell_m: f64) -> Option<Self> {
+        let sides = sea.sides()?;
+        let [[west, south], [east, north]] = sea.ends.map(|end| ((DVec2::from(end) - corner) / cell_m).to_array());
+        let albedo = linear_of(Texel::new(sea.rgb, 0).0);
         let ends = [west, south, east, north];
-        let mut sides = [0, 1, 2, 3].map(|side| sea_along(&cells, ends, side));
-        leave_out_short_runs(&mut sides);
-        let has_sea = sides.as_flattened().iter().any(|cells| *cells > 0);
-        has_sea.then(|| Self { ends, sides, shares: blurred(&sides), albedo })
+        Some(Self { ends, step: sea.step_m / cell_m, sides, shares: blurred(&sides), albedo })
     }
 
     /// Tells a frame of it. `corner` is the south-west corner of the V-BlockMap in metres from the camera, `side_m` its side.
     pub fn write(&self, frame: &mut FrameUniform, corner: DVec2, side_m: f64) {
         let cell_m = side_m / NODE_CELLS as f64;
-        let [west, south, east, north] = self.ends.map(|end| end as f64);
+        let [west, south, east, north] = self.ends;
         let (low, high) = (corner + DVec2::new(west, south) * cell_m, corner + DVec2::new(east, north) * cell_m);
         frame.shore = [low.x, low.y, high.x, high.y].map(|v| v as f32);
         let parts = self.sides.as_flattened().iter().zip(self.shares.as_flattened());
-        for (part, (cells, share)) in parts.enumerate() {
+        for (part, (steps, share)) in parts.enumerate() {
             let word = &mut frame.sea.as_flattened_mut()[part / 4];
-            *word = *word & !(0xff << (part % 4 * 8)) | u32::from(share << 4 | cells) << (part % 4 * 8);
+            *word = *word & !(0xff << (part % 4 * 8)) | u32::from(share << 4 | steps) << (part % 4 * 8);
         }
-        frame.sea_albedo = self.albedo.extend(1.0 / cell_m as f32).to_array();
+        frame.sea_albedo = self.albedo.extend((1.0 / (self.step * cell_m)) as f32).to_array();
     }
 }
 
@@ -110,20 +159,20 @@ fn median(colours: &[Vec3]) -> Option<Vec3> {
 
 /// Side and part on the way around the map, from the north-west corner by the south.
 fn stored_at(part: usize) -> [usize; 2] {
-    let (side, along) = (part / SHORE_PARTS as usize, part % SHORE_PARTS as usize);
-    [side, if side == 0 || side == 3 { SHORE_PARTS as usize - 1 - along } else { along }]
+    let (side, along) = (part / PARTS, part % PARTS);
+    [side, if side == 0 || side == 3 { PARTS - 1 - along } else { along }]
 }
 
 /// Makes land of short ends of the sea, and sea of short ends of land between them.
-fn leave_out_short_runs(sides: &mut Sides) {
-    let mut ring: [u8; ALL_PARTS] = std::array::from_fn(|part| {
+fn leave_out_short_runs(sides: &mut [[u16; PARTS]; 4], rules: Rules) {
+    let mut ring: [u16; ALL_PARTS] = std::array::from_fn(|part| {
         let [side, along] = stored_at(part);
         sides[side][along]
     });
     let is_first = |part: &usize| (ring[*part] > 0) != (ring[(*part + ALL_PARTS - 1) % ALL_PARTS] > 0);
     let Some(first) = (0..ALL_PARTS).find(is_first) else { return };
     ring.rotate_left(first);
-    for (filled, least) in [(1, LEAST_LAND_PARTS), (0, LEAST_SEA_PARTS)] {
+    for (filled, least) in [(1, rules.land_parts), (0, rules.sea_parts)] {
         for run in ring.chunk_by_mut(|a, b| (*a > 0) == (*b > 0)) {
             if run.len() < least && (run[0] > 0) != (filled > 0) {
                 run.fill(filled);
@@ -138,14 +187,14 @@ fn leave_out_short_runs(sides: &mut Sides) {
 }
 
 /// How much of the sea is near to each part on the way around the map, 0 to 15.
-fn blurred(sides: &Sides) -> Sides {
+fn blurred(sides: &SeaSides) -> SeaSides {
     let is_sea: [bool; ALL_PARTS] = std::array::from_fn(|part| {
         let [side, along] = stored_at(part);
         sides[side][along] > 0
     });
     let weight = |steps: usize| (-0.5 * (steps as f32 / BLUR_PARTS).powi(2)).exp();
     let reach = 3 * BLUR_PARTS as usize;
-    let mut shares = [[0; SHORE_PARTS as usize]; 4];
+    let mut shares = [[0; PARTS]; 4];
     for part in 0..ALL_PARTS {
         let [mut sea, mut all] = [0.0, 0.0];
         for step in 0..=2 * reach {
@@ -159,24 +208,31 @@ fn blurred(sides: &Sides) -> Sides {
     shares
 }
 
-/// The parts of a side (west, south, east, north).
-fn sea_along(cells: &[Cell], [west, south, east, north]: [usize; 4], side: usize) -> [u8; SHORE_PARTS as usize] {
-    let (low, high) = if side.is_multiple_of(2) { (south, north) } else { (west, east) };
+/// The parts of an end (west, south, east, north): cells inwards in which bare ground is sea.
+fn sea_along(
+    cells: &[Cell],
+    side: usize,
+    [west, south, east, north]: [usize; 4],
+    end: usize,
+    rules: Rules,
+) -> [u16; PARTS] {
+    let (low, high) = if end.is_multiple_of(2) { (south, north) } else { (west, east) };
+    let most_bare = MOST_BARE_CELLS * side / NODE_CELLS;
     let part_of = |part: usize| {
-        let along = low + (high - low) * (2 * part + 1) / (2 * SHORE_PARTS as usize);
+        let along = low + (high - low) * (2 * part + 1) / (2 * PARTS);
         let inwards = |k: usize| {
-            let place = match side {
+            let place = match end {
                 0 => (west + k < east).then(|| [west + k, along]),
                 1 => (south + k < north).then(|| [along, south + k]),
                 2 => (west + k < east).then(|| [east - 1 - k, along]),
                 _ => (south + k < north).then(|| [along, north - 1 - k]),
             };
-            place.map(|[x, y]| cells[y * NODE_CELLS + x])
+            place.map(|[x, y]| cells[y * side + x])
         };
-        let first = (0..=MOST_BARE_CELLS).find(|k| inwards(*k).is_some_and(|cell| cell != Cell::Bare))?;
+        let first = (0..=most_bare).find(|k| inwards(*k).is_some_and(|cell| cell != Cell::Bare))?;
         // Where the map ends within a cell, its colour is that of water and bare ground.
         let first = first + usize::from(inwards(first) == Some(Cell::Other));
-        (first..first + LEAST_SEA_CELLS).all(|k| inwards(k) == Some(Cell::Water)).then_some(first as u8 + 1)
+        (first..first + rules.sea_cells).all(|k| inwards(k) == Some(Cell::Water)).then_some(first as u16 + 1)
     };
     std::array::from_fn(|part| part_of(part).unwrap_or(0))
 }
@@ -212,7 +268,7 @@ mod tests {
         // At the eastern end, cells are water in part only.
         let root = coast(|x, y| town(x, y, |x, y| y < 16 || (36..39).contains(&x)));
         let shore = Shore::of(&root).unwrap();
-        assert_eq!(shore.ends, [8, 8, 40, 40]);
+        assert_eq!(shore.ends, [8.0, 8.0, 40.0, 40.0]);
         let [west, south, east, north] = shore.sides;
         assert_eq!(south, [1; 64]);
         assert_eq!(east, std::array::from_fn(|part| if part < 16 { 1 } else { 2 }));
@@ -241,6 +297,63 @@ mod tests {
         assert_eq!(shore.sides[1], [1; 64]);
         let shore = Shore::of(&coast_with_pier(8)).unwrap();
         assert_eq!(shore.sides[1], std::array::from_fn(|part| u8::from(!(24..40).contains(&part))));
+    }
+
+    /// Of a map of four cells along a side for each of the coarsest V-BlockMap.
+    fn known_ends(cell: impl Fn(usize, usize) -> Cell) -> Option<CellEnds> {
+        let side = 4 * NODE_CELLS;
+        let cells: Vec<Cell> = (0..side * side).map(|i| cell(i % side, i / side)).collect();
+        CellEnds::of_sea(&cells, side)
+    }
+
+    #[test]
+    fn narrow_arms_of_what_is_known_as_sea_go_on() {
+        // A basin as wide as three cells of the coarsest V-BlockMap and two deep, and a canal of one of the finer cells.
+        let town = |x: usize, y: usize| match (34..160).contains(&x) && (34..160).contains(&y) {
+            true if y < 42 && (84..96).contains(&x) || y < 100 && x == 121 => Cell::Water,
+            true => Cell::Other,
+            false => Cell::Bare,
+        };
+        let CellEnds { ends, step, sides } = known_ends(town).unwrap();
+        assert_eq!((ends, step), ([34, 34, 160, 160], 1));
+        assert_eq!(sides[1], std::array::from_fn(|part| u8::from((25..31).contains(&part))));
+        assert_eq!([sides[0], sides[2], sides[3]], [[0; PARTS]; 3]);
+        assert_eq!(known_ends(|x, _| if x < 99 { Cell::Other } else { Cell::Bare }), None);
+    }
+
+    #[test]
+    fn wide_land_that_nobody_describes_beside_the_sea_takes_longer_steps() {
+        // One house far out in the south-west.
+        let sea = known_ends(|x, y| match (x, y) {
+            (0, 0) => Cell::Other,
+            (20..160, 20..100) => Cell::Water,
+            _ => Cell::Bare,
+        });
+        let CellEnds { ends, step, sides } = sea.unwrap();
+        assert_eq!((ends, step), ([0, 0, 160, 100], 2));
+        let from = |first: usize, steps: u8| std::array::from_fn(|part| if part < first { 0 } else { steps });
+        assert_eq!(sides, [from(13, 11), from(8, 11), from(13, 1), from(8, 1)]);
+    }
+
+    #[test]
+    fn a_manifest_tells_the_shore() {
+        let sides = std::array::from_fn(|side| [if side == 2 { 3 } else { 0 }; PARTS]);
+        let sea = SeaEnds {
+            ends: [[1010.0, 2020.0], [1330.0, 2340.0]],
+            step_m: 2.5,
+            sides: SeaEnds::text_of(&sides),
+            rgb: [74, 129, 152],
+        };
+        let corner = DVec2::new(1000.0, 2000.0);
+        let shore = Shore::known(&sea, corner, 10.0).unwrap();
+        assert_eq!(shore.sides, sides);
+        let mut frame = FrameUniform::zeroed();
+        shore.write(&mut frame, DVec2::new(-100.0, -200.0), 640.0);
+        assert_eq!(frame.shore, [-90.0, -180.0, 230.0, 140.0]);
+        assert_eq!(frame.sea_albedo[3], 0.4);
+        let blue = linear_of(Texel::new([74, 129, 152], 0).0);
+        assert!((Vec3::from_slice(&frame.sea_albedo) - blue).length() < 1e-6);
+        assert_eq!(Shore::known(&SeaEnds { sides: String::new(), ..sea }, corner, 10.0), None);
     }
 
     #[test]

@@ -100,6 +100,7 @@ fn manifest(name: &str) -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,

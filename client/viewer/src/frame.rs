@@ -145,7 +145,7 @@ impl FrameData {
         let mut frame = frame_uniform(view, settings, tree.manifest().ground_z_m, tree.stones());
         if settings.look.has_fog() {
             (frame.fog, frame.city) = fog_around(tree.manifest(), view.camera.position);
-            if let Some(shore) = cache.shore() {
+            if let Some(shore) = tree.shore().or(cache.shore()) {
                 let corner = DVec3::from(tree.manifest().origin) - view.camera.position;
                 shore.write(&mut frame, corner.truncate(), tree.manifest().root_side_m);
             }

@@ -91,6 +91,7 @@ pub fn manifest(name: &str) -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
         counts: CityCounts {
             objects: 2,
             triangles: 24,
@@ -133,6 +134,7 @@ pub fn empty_manifest(depth: u8) -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

@@ -154,7 +154,7 @@ pub struct AtlasCache {
     has_styles: bool,
     /// Whether a mesh with landmarks has been resident.
     has_landmarks: bool,
-    /// Where the city ends in water, once its coarsest V-BlockMap has been resident.
+    /// Where the city seems to end in water, once its coarsest V-BlockMap has been resident.
     shore: Option<Shore>,
     /// The resident palettes: their objects, by their first words.
     palettes: BTreeMap<u32, Vec<u32>>,
@@ -239,7 +239,7 @@ impl AtlasCache {
         }
     }
 
-    /// Where the city ends in water.
+    /// Where the city seems to end in water. Its manifest may know better: [`SceneTree::shore`](crate::scene::SceneTree::shore).
     pub(crate) fn shore(&self) -> Option<&Shore> {
         self.shore.as_ref()
     }

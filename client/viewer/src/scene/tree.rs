@@ -6,12 +6,13 @@ use super::{
     tile::{TileEvent, TileRecord},
     visibility::VisibilityTiles,
 };
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insula_protocol::{
     Manifest, Subtree, TileId, TileKind,
     subtree::{MeshLod, NodeInfo},
 };
 use insula_shaders::mesh::pages_guess;
+use insula_shaders::shore::Shore;
 use insula_shaders::stone::{MAX_STONES, Stone, StoneParameters};
 use std::{collections::HashMap, num::NonZeroU32};
 
@@ -97,6 +98,8 @@ pub struct SceneTree {
     manifest: Manifest,
     /// Those of the manifest, or as they were edited.
     stones: [Stone; MAX_STONES],
+    /// The shore that the manifest tells.
+    shore: Option<Shore>,
     slots: Vec<NodeSlot>,
     /// Slots without a node.
     vacant: Vec<u32>,
@@ -123,6 +126,12 @@ fn stones_of(manifest: &Manifest) -> [Stone; MAX_STONES] {
     stones
 }
 
+/// Where a manifest says that the city ends in the sea.
+fn shore_of(manifest: &Manifest) -> Option<Shore> {
+    let [x, y, _] = manifest.origin;
+    Shore::known(manifest.sea.as_ref()?, DVec2::new(x, y), manifest.cell_m_at(0))
+}
+
 /// Place of a node.
 #[derive(Debug, Clone)]
 struct NodeSlot {
@@ -143,6 +152,7 @@ impl SceneTree {
     pub fn new(manifest: Manifest) -> Self {
         Self {
             stones: stones_of(&manifest),
+            shore: shore_of(&manifest),
             manifest,
             slots: Vec::new(),
             vacant: Vec::new(),
@@ -161,6 +171,11 @@ impl SceneTree {
     /// The stones of landmarks, by number.
     pub fn stones(&self) -> &[Stone; MAX_STONES] {
         &self.stones
+    }
+
+    /// Where the city ends in the sea, if its manifest tells it.
+    pub(crate) fn shore(&self) -> Option<&Shore> {
+        self.shore.as_ref()
     }
 
     /// Draws the landmarks of stone `number` in another stone from the next frame on.

@@ -41,6 +41,7 @@ fn manifest() -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,

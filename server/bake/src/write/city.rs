@@ -37,7 +37,7 @@ use super::{
     fingerprints::Fingerprints,
     focus::{self, Standing},
     objects::NumberedRecords,
-    search, thumbnail,
+    sea, search, thumbnail,
     tile_bytes::TileContent,
     tile_pack::StoredTile,
     tile_tree::{self, TileTree},
@@ -217,13 +217,14 @@ pub(crate) fn write_others(
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
-    let (mut search, mut buildings, mut standing) = (None, 0, None);
+    let (mut search, mut buildings, mut standing, mut sea) = (None, 0, None, Vec::new());
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let mut schema = objects.schema()?;
         label(&mut schema, &input, progress);
         let kinds = objects.kinds()?;
         buildings = objects.buildings(&kinds)?;
         standing = Some(objects.standing(&kinds, input.grid)?);
+        sea = objects.sea(&kinds)?;
         drop(kinds);
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
@@ -240,6 +241,7 @@ pub(crate) fn write_others(
     let Attributions { all, filled_in } = Attributions::new(&input.config.attribution, input.read);
     manifest.attribution = all;
     manifest.counts.buildings = Some(buildings);
+    manifest.sea = sea::ends((input.tree, input.grid), [manifest.origin[0], manifest.origin[1]], &sea, tiles)?;
     if input.config.street_sets
         && let Some(sets) =
             write_street_sets(&input, visibility::extent(&manifest, terminals), tiles, folder, progress)?
@@ -370,6 +372,7 @@ fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifes
         stones: read.stones.clone(),
         street_sets: false,
         marks: None,
+        sea: None,
     }
 }
 

@@ -17,6 +17,7 @@ pub(crate) mod mesh_pack;
 pub(crate) mod objects;
 pub(crate) mod ownership;
 pub(crate) mod scratch_folder;
+mod sea;
 mod search;
 mod thumbnail;
 pub(crate) mod tile_bytes;

@@ -19,6 +19,7 @@ use insula_protocol::{
 use super::{
     archive::{self, WrittenArchive},
     focus::Standing,
+    sea::is_sea,
 };
 use crate::{
     error::BakeError,
@@ -84,6 +85,22 @@ impl NumberedRecords<'_> {
             Ok::<_, BakeError>(())
         })?;
         Ok(buildings)
+    }
+
+    /// The numbers of the objects of these [kinds](Self::kinds) that are sea, in ascending order. Fails if a record cannot be read.
+    pub(crate) fn sea(&self, kinds: &[Option<FeatureKind>]) -> Result<Vec<u32>, BakeError> {
+        let mut reader = self.records.reader()?;
+        let mut sea = Vec::new();
+        self.rows.try_for_each(|number, row| {
+            let is_water = kinds.get(number).copied().flatten() == Some(FeatureKind::Water);
+            if let Some(row) = row.as_ref().filter(|_| is_water)
+                && is_sea(&reader.read(row.record)?)
+            {
+                sea.push(number as u32);
+            }
+            Ok::<_, BakeError>(())
+        })?;
+        Ok(sea)
     }
 
     /// Where objects of these [kinds](Self::kinds) stand. Fails if a row cannot be read.

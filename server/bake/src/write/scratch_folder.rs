@@ -260,6 +260,7 @@ mod tests {
             stones: Vec::new(),
             street_sets: false,
             marks: None,
+            sea: None,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

@@ -201,5 +201,15 @@ fn a_coast_and_painted_streets_are_the_same_in_steps() {
         // As high as the level land, at whose end a step would throw a shadow.
         let manifest: Manifest = serde_json::from_slice(&fs::read(work.join("city/city.json")).unwrap()).unwrap();
         assert!((manifest.ground_z_m - 1.6).abs() < 0.1, "{name}: {}", manifest.ground_z_m);
+        // The sea goes on in the south, and beside the southern half.
+        let sea = manifest.sea.unwrap();
+        let [west, south, east, north] = sea.sides().unwrap();
+        let is_sea = |parts: &[u8]| parts.iter().all(|steps| *steps > 0);
+        let is_land = |parts: &[u8]| parts.iter().all(|steps| *steps == 0);
+        assert!(is_sea(&south) && is_land(&north), "{name}: {sea:?}");
+        for side in [west, east] {
+            assert!(is_sea(&side[..24]) && is_land(&side[44..]), "{name}: {sea:?}");
+        }
+        assert!(sea.rgb[2] > sea.rgb[0], "{name}: {sea:?}");
     }
 }

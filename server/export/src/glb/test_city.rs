@@ -43,6 +43,7 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
     }
 }
 

@@ -73,6 +73,7 @@ pub(crate) fn manifest(depth: u8) -> Manifest {
         stones: Vec::new(),
         street_sets: false,
         marks: None,
+        sea: None,
     }
 }
 
