@@ -170,7 +170,7 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     if has_stone(hit) {
         lit = light_of_stone(hit, normal, dir);
     } else {
-        lit = shade(hit.albedo, hit.ao, normal, hit.flags, hit.level);
+        lit = shade(with_sea_albedo(hit.albedo, normal.z, hit.flags), hit.ao, normal, hit.flags, hit.level);
     }
     if !FOR_STUDY || frame.shading == SHADING_LIT {
         if frame.light.street.w > 0.0 {

@@ -5,6 +5,16 @@ fn is_bare(albedo: vec3<f32>) -> bool {
     return all(abs(albedo - frame.light.plane.rgb) <= vec3<f32>(BARE_TOLERANCE));
 }
 
+// The albedo of a surface whose normal has this height: that of the sea, if it is a part of it.
+fn with_sea_albedo(albedo: vec3<f32>, upright: f32, flags: u32) -> vec3<f32> {
+    let is_water = (flags & REFLECTIVE) != 0u && upright > WATER_NORMAL_Z;
+    if !is_water || frame.sea_albedo.w == 0.0 || (FOR_STUDY && frame.shading != SHADING_LIT) {
+        return albedo;
+    }
+    let is_sea = all(abs(albedo - frame.sea_albedo.rgb) <= vec3<f32>(SEA_TOLERANCE));
+    return select(albedo, frame.sea_albedo.rgb, is_sea);
+}
+
 // How much of the plane, or of bare ground, at a place, relative to the camera, is sea. `upright`: the height of its normal.
 fn sea_share(place: vec3<f32>, upright: f32) -> f32 {
     if frame.sea_albedo.w == 0.0 || (FOR_STUDY && frame.shading != SHADING_LIT) {

@@ -310,13 +310,14 @@ fn gpu_and_cpu_agree_on_water(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// A city with land in the west and water in the east, and bare ground at both ends.
+/// A city with land in the west and water in the east, a part of which has lost a little of its colour, and bare ground at both ends.
 fn coast() -> Result<BlockMap> {
     let up = octahedral::encode([0.0, 0.0, 1.0]);
     let columns: Vec<_> = (0..COLUMNS)
         .map(|i| {
             let (rgb, reflective) = match i % NODE_CELLS {
                 8..40 => ([230, 225, 215], false),
+                40..60 if i / NODE_CELLS % 8 == 3 => ([66, 126, 156], true),
                 40..60 => ([60, 120, 150], true),
                 _ => (GROUND_COLOUR, false),
             };

@@ -12,7 +12,7 @@ use super::{
     mesh::MIN_COSINE,
     night::{lamp_light, lit_windows},
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    sea::sea_share,
+    sea::{sea_share, with_sea_albedo},
     shade::{
         Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, mirrored, sea,
         shade,
@@ -310,11 +310,12 @@ pub(super) fn radiance_with(
     let frame = scene.frame;
     let RayHit { albedo, flags, level, distance_m, .. } = *hit;
     let ao = hit.ao.max(frame.light.sky_up[3]);
-    let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
-    let share = sea_share(frame, Some((albedo, surface.normal)), dir * distance_m);
+    let normal = hit.normal.normalize_or(-dir);
+    let share = sea_share(frame, Some((albedo, normal)), dir * distance_m);
     if share >= 1.0 {
         return sea(frame, (dir, airlight), distance_m);
     }
+    let surface = SurfaceSample { albedo: with_sea_albedo(frame, albedo, normal, flags), ao, normal, flags, level };
     let mut light = match stone_numbered(frame, hit.stone) {
         Some(stone) => light_of_stone(scene, hit, &surface, dir, &evaluate(stone, &surface)),
         None => shade(frame, &surface),

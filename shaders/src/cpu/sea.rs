@@ -4,6 +4,7 @@
 use super::surface::rgb;
 use crate::layout::{FrameUniform, SHORE_PARTS, Shading};
 use glam::{UVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
+use insula_protocol::blockmap::flag;
 
 /// Generated ground has the albedo of the plane but for this difference of each channel: textures of meshes are not exact. Roads differ by
 /// more than twice as much.
@@ -14,6 +15,22 @@ pub(crate) const BARE_NORMAL_Z: f32 = 0.7;
 pub(crate) const SEA_FADE: f32 = 0.286;
 /// Nobody knows how coasts go on beyond the map. At its end they are sharp, and blurred from this share of its half width outwards.
 pub(crate) const COAST_BLURS: f32 = 0.25;
+
+/// Level water that differs so little from the sea in each channel is sea. Its tiles store the colour with losses, columns and meshes
+/// with others: squares of several tints would lie on the sea.
+pub(crate) const SEA_TOLERANCE: f32 = 0.05;
+/// Steeper mirrors are no water, but panes.
+pub(crate) const WATER_NORMAL_Z: f32 = 0.5;
+
+/// The albedo of a surface with this `normal` and these flags: that of the sea, if it is a part of it.
+pub(super) fn with_sea_albedo(frame: &FrameUniform, albedo: Vec3, normal: Vec3, flags: u32) -> Vec3 {
+    let is_water = flags & u32::from(flag::REFLECTIVE) != 0 && normal.z > WATER_NORMAL_Z;
+    if !is_water || frame.sea_albedo[3] == 0.0 || frame.shading != Shading::Lit as u32 {
+        return albedo;
+    }
+    let sea = rgb(frame.sea_albedo);
+    if (albedo - sea).abs().max_element() <= SEA_TOLERANCE { sea } else { albedo }
+}
 
 /// How much of what a ray sees at `place`, relative to the camera, is sea, 0 to 1: generated ground if `surface` is one, else the plane.
 pub(super) fn sea_share(frame: &FrameUniform, surface: Option<(Vec3, Vec3)>, place: Vec3) -> f32 {
@@ -75,4 +92,29 @@ fn shore_byte(frame: &FrameUniform, side: u32, part: u32) -> u32 {
 /// So many cells inwards from a part, bare ground is sea; 0 for land.
 fn bare_cells(byte: u32) -> f32 {
     (byte & 0xf) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn water_of_nearly_the_colour_of_the_sea_has_that_colour() {
+        let sea = Vec3::new(0.07, 0.22, 0.31);
+        let mut frame = FrameUniform { shading: Shading::Lit as u32, ..FrameUniform::zeroed() };
+        let mirror = u32::from(flag::REFLECTIVE);
+        let near = sea + Vec3::new(0.03, -0.03, 0.04);
+        // Without a sea.
+        assert_eq!(with_sea_albedo(&frame, near, Vec3::Z, mirror), near);
+        frame.sea_albedo = sea.extend(0.1).to_array();
+        assert_eq!(with_sea_albedo(&frame, near, Vec3::Z, mirror), sea);
+        // A pool, a pane, a blue roof, and a picture of what is stored.
+        let pool = sea + Vec3::new(0.0, 0.06, 0.0);
+        assert_eq!(with_sea_albedo(&frame, pool, Vec3::Z, mirror), pool);
+        assert_eq!(with_sea_albedo(&frame, near, Vec3::X, mirror), near);
+        assert_eq!(with_sea_albedo(&frame, near, Vec3::Z, 0), near);
+        frame.shading = Shading::Albedo as u32;
+        assert_eq!(with_sea_albedo(&frame, near, Vec3::Z, mirror), near);
+    }
 }
