@@ -6,16 +6,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::duplicates::DuplicateOption;
+use super::facade_city::FacadeCity;
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::stone::{CityStone, mean_colour};
 use super::texture::TextureLoader;
 use crate::error::BakeError;
+use crate::scene::ObjectKind;
 use crate::scene::object_records::{RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
-use crate::scene::{ObjectKind, SceneTexture};
-use insula_dress::facade::{FacadeMaker, FacadeMaterials, FacadeOption, FacadeUse, SIDE_TEXELS};
+use insula_dress::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use insula_dress::map_store::MapStore;
 use insula_dress::paint::PaintShape;
 use insula_dress::palette::{BuildingLook, Palette, SurfaceFacts};
@@ -215,8 +216,11 @@ impl<'o> ReadContext<'o> {
     pub(crate) fn push(&mut self, open: &mut OpenObject, faces: &mut Vec<WorldTriangle>, facade_use: FacadeUse) {
         if self.options.facades == FacadeOption::Windows {
             let has_facade = {
-                let mut materials = CityMaterials { builder: &mut self.builder, textures: &mut self.textures };
-                self.facades.apply(faces, facade_use, &mut materials)
+                // Terrain is made to meet buildings with heights of their own.
+                let stands = !open.has_own_base && !self.elevation.is_empty();
+                let ground = stands.then_some((&mut self.elevation, &mut self.world));
+                let mut city = FacadeCity { builder: &mut self.builder, textures: &mut self.textures, ground };
+                self.facades.apply(faces, facade_use, &mut city)
             };
             if has_facade && !std::mem::replace(&mut open.has_facade, true) {
                 self.facades.count_object();
@@ -574,22 +578,5 @@ impl<'o> ReadContext<'o> {
             }
         }
         Some([low, high])
-    }
-}
-/// Materials and textures of the city that is read.
-struct CityMaterials<'a> {
-    builder: &'a mut SceneBuilder,
-    textures: &'a mut TextureLoader,
-}
-
-impl FacadeMaterials for CityMaterials<'_> {
-    fn colour(&self, material: u32) -> [u8; 3] {
-        self.builder.colour(material)
-    }
-
-    fn add_pattern(&mut self, texels: Vec<[u8; 3]>) -> u32 {
-        let texture = SceneTexture { width: SIDE_TEXELS, height: SIDE_TEXELS, rgb: texels, is_pattern: true };
-        let texture = self.textures.add_generated(Arc::new(texture));
-        self.builder.material(StoredMaterial::matt([255; 3], Some(texture)))
     }
 }

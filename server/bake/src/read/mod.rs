@@ -6,6 +6,7 @@
 mod bad_inputs;
 mod context;
 mod duplicates;
+mod facade_city;
 mod json_kind;
 mod landmark;
 mod list;

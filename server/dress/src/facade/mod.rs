@@ -11,11 +11,11 @@ mod pattern;
 mod walls;
 mod zone;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec3Swizzles};
 
 pub use building_use::FacadeUse;
 use cut::cut_face;
-use parts::{Storeys, WallPart, find_parts};
+use parts::{Storeys, WallPart, above_ground, find_parts};
 use walls::{Wall, find_walls};
 use zone::FacadeZone;
 
@@ -25,7 +25,7 @@ use crate::world_triangle::WorldTriangle;
 use insula_source::report::FacadeReport;
 
 /// Increased whenever the same input would get other facades than before.
-pub const ALGORITHM: u32 = 1;
+pub const ALGORITHM: u32 = 2;
 /// Most generated textures. A wall in a further colour gets the nearest of these.
 const MAX_TEXTURES: usize = 96;
 /// Lower and smaller objects are garages and sheds.
@@ -56,13 +56,16 @@ impl std::str::FromStr for FacadeOption {
     }
 }
 
-/// The city's materials, as far as facades need them.
+/// The city's materials and ground, as far as facades need them.
 pub trait FacadeMaterials {
     /// The colour of a material.
     fn colour(&self, material: u32) -> [u8; 3];
 
     /// Adds a material with a generated texture of [`SIDE_TEXELS`] rows of as many texels, from the top. Returns its number.
     fn add_pattern(&mut self, texels: Vec<[u8; 3]>) -> u32;
+
+    /// World height of the ground at a world position on the map, if it is known.
+    fn ground_m(&mut self, position: [f64; 2]) -> Option<f64>;
 }
 
 /// A generated texture and its material.
@@ -109,7 +112,19 @@ impl FacadeMaker {
         let Some(base_m) = base_of_large_object(&corners) else { return false };
         let is_facade = |i: usize| faces[i].is_facade;
         let walls = find_walls(&corners, &is_facade);
-        let parts: Vec<Vec<WallPart>> = walls.iter().map(|wall| find_parts(&wall.outline(&corners))).collect();
+        // Windows begin above the ground, and storeys where it is lowest.
+        let mut lowest_m = f64::INFINITY;
+        let mut ground_m = |place: DVec2| {
+            let height_m = materials.ground_m((place + anchor.xy()).to_array())? - anchor.z;
+            lowest_m = lowest_m.min(height_m);
+            Some(height_m)
+        };
+        let parts_of = |wall: &Wall| {
+            let parts = find_parts(&wall.outline(&corners));
+            above_ground(parts, &mut |along_m| ground_m(wall.place_m(along_m)))
+        };
+        let parts: Vec<Vec<WallPart>> = walls.iter().map(parts_of).collect();
+        let base_m = if lowest_m.is_finite() { base_m.max(lowest_m) } else { base_m };
         let Some(storeys) = Storeys::of(&parts, base_m, facade_use.storey_m()) else { return false };
         let zones: Vec<Vec<FacadeZone>> =
             parts.into_iter().map(|parts| storeys.zones(parts, facade_use.bay_m())).collect();

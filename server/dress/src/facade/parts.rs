@@ -20,6 +20,10 @@ const SLACK: f64 = 0.15;
 /// Share of the storey above the last one that is plain in the pattern.
 const PLAIN_ABOVE: f64 = 0.25;
 
+/// The ground along a wall is looked up at places with this distance, and at no more than so many of a part.
+const GROUND_STEP_M: f64 = 8.0;
+const MAX_GROUND_STEPS: u32 = 64;
+
 /// A rectangle in which the wall has no hole: along the wall and up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WallPart {
@@ -50,6 +54,33 @@ pub(super) fn find_parts(triangles: &[[DVec2; 3]]) -> Vec<WallPart> {
         }
     }
     parts
+}
+
+/// Lifts the lower ends of parts out of the ground, of which `ground_m` gives the height at a place along the wall: in pieces, because it
+/// slopes. Pieces that are too low then are left out.
+pub(super) fn above_ground(parts: Vec<WallPart>, ground_m: &mut dyn FnMut(f64) -> Option<f64>) -> Vec<WallPart> {
+    let mut lifted = Vec::with_capacity(parts.len());
+    for part in parts {
+        let [left, right] = part.along_m;
+        let steps = ((right - left) / GROUND_STEP_M).ceil().clamp(1.0, f64::from(MAX_GROUND_STEPS)) as u32;
+        let place = |step: u32| match step == steps {
+            true => right,
+            false => left + (right - left) * f64::from(step) / f64::from(steps),
+        };
+        let low = part.z_m[0];
+        let lows: Vec<f64> = (0..=steps).map(|step| ground_m(place(step)).map_or(low, |z_m| z_m.max(low))).collect();
+        if lows.iter().all(|z_m| *z_m <= low) {
+            lifted.push(part);
+            continue;
+        }
+        for (step, ends) in (0..steps).zip(lows.windows(2)) {
+            let z_m = [ends[0].max(ends[1]), part.z_m[1]];
+            if z_m[1] - z_m[0] >= MIN_HEIGHT_M {
+                lifted.push(WallPart { along_m: [place(step), place(step + 1)], z_m });
+            }
+        }
+    }
+    lifted
 }
 
 /// The heights between which a wall has faces at a place, from the bottom up.

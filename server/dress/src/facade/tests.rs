@@ -10,8 +10,8 @@ struct Setup {
     materials: Materials,
 }
 
-/// Colours of plain materials; `None` for generated textures.
-struct Materials(Vec<Option<[u8; 3]>>);
+/// Colours of plain materials, `None` for generated textures, and the height of the ground at a position from the houses.
+struct Materials(Vec<Option<[u8; 3]>>, fn(f64, f64) -> Option<f64>);
 
 impl Materials {
     fn add_plain(&mut self, rgb: [u8; 3]) -> u32 {
@@ -30,11 +30,15 @@ impl FacadeMaterials for Materials {
         self.0.push(None);
         self.0.len() as u32 - 1
     }
+
+    fn ground_m(&mut self, [x, y]: [f64; 2]) -> Option<f64> {
+        (self.1)(x - 85_000.0, y - 447_000.0).map(|z_m| z_m + 2.0)
+    }
 }
 
 impl Setup {
     fn new() -> Self {
-        Self { maker: FacadeMaker::default(), materials: Materials(vec![Some(PLAIN)]) }
+        Self { maker: FacadeMaker::default(), materials: Materials(vec![Some(PLAIN)], |_, _| None) }
     }
 
     fn apply(&mut self, faces: &[WorldTriangle], facade_use: FacadeUse) -> Vec<WorldTriangle> {
@@ -161,6 +165,41 @@ fn gables_and_steps_cut_no_window() {
             }
         }
     }
+}
+
+#[test]
+fn windows_begin_above_the_ground() {
+    let lowest = |faces: &[WorldTriangle]| {
+        let windows = faces.iter().filter(|face| has_windows(face)).flat_map(|face| face.corners);
+        windows.map(|corner| corner[2] - 2.0).fold(f64::MAX, f64::min)
+    };
+    let on = |ground: fn(f64, f64) -> Option<f64>, faces: &[WorldTriangle]| {
+        let mut setup = Setup::new();
+        setup.materials.1 = ground;
+        setup.apply(faces, FacadeUse::Home)
+    };
+    let walls = prism(&[[0.0, 0.0], [40.0, 0.0], [40.0, 9.0], [0.0, 9.0]], 10.2);
+    // A storey less, from the ground up.
+    let level = on(|_, _| Some(1.2), &walls);
+    assert!((lowest(&level) - 1.2).abs() < 1e-6, "{}", lowest(&level));
+    let storeys = level.iter().flat_map(|face| &face.uv).map(|uv| uv[1] * 4.0).fold(0.0, f32::max);
+    assert!((storeys - 3.0).abs() < 1e-4, "{storeys}");
+    // Up to three metres above the floor in the east.
+    let slope = on(|x, _| Some(x * 3.0 / 40.0), &walls);
+    let top = slope.iter().flat_map(|face| &face.uv).map(|uv| f64::from(uv[1] * 4.0)).fold(0.0, f64::max);
+    for face in slope.iter().filter(|face| has_windows(face)) {
+        for ([x, _, z], uv) in face.corners.iter().zip(&face.uv) {
+            let (storey, depth_m) = (f64::from(uv[1] * 4.0), (x - 85_000.0) * 3.0 / 40.0 - (z - 2.0));
+            // A window's sill is 9 of 32 texels above the floor.
+            let ground = storey + depth_m * top / 10.2;
+            assert!(ground < storey.round() + 0.28, "{ground} at {x}, {z}");
+        }
+    }
+    assert!(lowest(&slope) < 0.1);
+    // Ground that is lower, or that nobody knows, changes nothing.
+    assert_eq!(on(|_, _| Some(-3.0), &walls), on(|_, _| None, &walls));
+    // A house in the ground.
+    assert!(!on(|_, _| Some(12.0), &walls).iter().any(has_windows));
 }
 
 #[test]

@@ -29,6 +29,11 @@ impl Wall {
         self.normal.perp().dot(p.xy())
     }
 
+    /// The place on the map of a position along the wall.
+    pub(super) fn place_m(&self, along_m: f64) -> DVec2 {
+        self.normal * self.offset_m + self.normal.perp() * along_m
+    }
+
     /// The faces in the wall's plane: along the wall and up.
     pub(super) fn outline(&self, corners: &[[DVec3; 3]]) -> Vec<[DVec2; 3]> {
         let flat = |p: DVec3| DVec2::new(self.along_m(p), p.z);
