@@ -299,6 +299,13 @@ pub struct BakeArgs {
     /// Bake only what has changed since CITY was baked; the result is the same as that of a full bake
     #[arg(long)]
     pub update: bool,
+    /// Take unchanged blocks from another city of the same inputs and settings, which stays as it is
+    #[arg(long, value_name = "CITY", conflicts_with_all = ["update", "work"])]
+    pub reuse: Option<PathBuf>,
+    /// Bake the city of --reuse with a proposal: a TOML file of models and blocks that are added, and of objects that are
+    /// removed
+    #[arg(long, value_name = "FILE.toml", requires = "reuse")]
+    pub proposal: Option<PathBuf>,
     /// Do not compute what can be seen from streets: clients there then fetch more that is occluded
     #[arg(long)]
     pub no_street_sets: bool,

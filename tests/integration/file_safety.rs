@@ -62,6 +62,8 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["stone"], Reads("bake a.off --out new --stone {}", ".json")),
     ("insula-server bake", &["palette"], Reads("bake town.geojson --out new --palette {}", ".json")),
     ("insula-server bake", &["labels"], Reads("bake town.geojson --out new --labels {}", ".toml")),
+    ("insula-server bake", &["proposal"], Reads("bake town.geojson --out new --reuse city --proposal {}", ".toml")),
+    ("insula-server bake", &["reuse"], ReadsFolder("bake town.geojson --cell 4 --out new --reuse {}")),
     ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
     ("insula-server bake", &["out"], WritesFolder("bake town.geojson --cell 4 --out {}")),
     ("insula-server bake", &["work"], WritesFolder("bake plan --inputs town.geojson --cell 4 --work {}")),

@@ -1,4 +1,5 @@
-//! `insula snapshot --proposal`: what is added is seen and throws shadows, and what is removed is not there.
+//! `insula snapshot --proposal`: what is added is seen and throws shadows, and what is removed is not there. `bake --proposal` gives a city
+//! that shows the same.
 
 use crate::command_line::call;
 use insula_tests::{pfm::Pfm, tests, trials::Trials};
@@ -10,6 +11,7 @@ pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         blocks_are_seen_and_removed_buildings_are_not,
         models_stand_at_their_places,
+        a_bake_with_a_proposal_shows_the_same,
         proposals_that_do_not_fit_are_refused
     ]);
 }
@@ -46,8 +48,13 @@ fn baked_city() -> tempfile::TempDir {
 
 /// Takes a picture with further arguments, whose light, distances and objects are beside it.
 fn snapshot(folder: &Path, name: &str, more: &str) -> (Option<i32>, String) {
+    snapshot_of(folder, "city", name, more)
+}
+
+/// The same of any city.
+fn snapshot_of(folder: &Path, city: &str, name: &str, more: &str) -> (Option<i32>, String) {
     let line = format!(
-        "snapshot city --size 200x150 --adapter cpu --camera camera.json --sun 180,35 --out {name}.png --distance {name}.pfm \
+        "snapshot {city} --size 200x150 --adapter cpu --camera camera.json --sun 180,35 --out {name}.png --distance {name}.pfm \
          --radiance {name}-light.pfm --objects {name}.bin --objects-json {name}.json{more}"
     );
     call("insula", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
@@ -124,16 +131,70 @@ fn blocks_are_seen_and_removed_buildings_are_not() {
     }
 }
 
+const KIOSK: &str = "[[add]]\nfile = \"kiosk.obj\"\nplace = [4.36783, 52.00686]\n";
+
+/// The roof of a kiosk over the middle of the house, 15 m above the ground at its place.
+fn write_kiosk(folder: &Path) {
+    let corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]].map(|[x, y]| format!("v {x} {y} 15\n")).concat();
+    fs::write(folder.join("kiosk.obj"), corners + "f 1 2 3 4\n").unwrap();
+}
+
 fn models_stand_at_their_places() {
     let folder = baked_city();
     let folder = folder.path();
-    // The roof of a kiosk over the middle of the house, 15 m above the ground at its place.
-    let corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]].map(|[x, y]| format!("v {x} {y} 15\n")).concat();
-    fs::write(folder.join("kiosk.obj"), corners + "f 1 2 3 4\n").unwrap();
-    fs::write(folder.join("kiosk.toml"), "[[add]]\nfile = \"kiosk.obj\"\nplace = [4.36783, 52.00686]\n").unwrap();
+    write_kiosk(folder);
+    fs::write(folder.join("kiosk.toml"), KIOSK).unwrap();
     let (code, text) = snapshot(folder, "kiosk", " --proposal kiosk.toml");
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(number(folder, "kiosk", "kiosk.obj"), Some(FIRST_ADDED));
+}
+
+fn a_bake_with_a_proposal_shows_the_same() {
+    let folder = baked_city();
+    let folder = folder.path();
+    write_kiosk(folder);
+    let ring = [[86_400, 447_000], [86_410, 447_000], [86_410, 447_010], [86_400, 447_010], [86_400, 447_000]];
+    let geometry = json!({ "type": "Polygon", "coordinates": [ring] });
+    let far = json!({
+        "type": "FeatureCollection",
+        "crs": { "type": "name", "properties": { "name": "EPSG:28992" } },
+        "features": [{ "type": "Feature", "id": "far", "properties": { "height": 6 }, "geometry": geometry }]
+    });
+    fs::write(folder.join("far.geojson"), far.to_string()).unwrap();
+    let bake = |more: &str| {
+        let line = format!("bake houses.geojson far.geojson --cell 1 --no-street-sets --no-picture {more}");
+        call("insula-server", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
+    };
+    assert_eq!(bake("--out wide"), (Some(0), String::new()));
+    let shown = format!("{TOWER}{KIOSK}[[remove]]\nids = [\"feature 1\"]\n");
+    fs::write(folder.join("shown.toml"), &shown).unwrap();
+    fs::write(folder.join("plan.toml"), shown.replace("\"]", "\", \"nobody\"]")).unwrap();
+
+    let (code, text) = bake("--out planned --proposal plan.toml");
+    assert!(code == Some(2) && text.contains("--reuse"), "{text}");
+    let (code, text) = bake("--out planned --reuse nothing --proposal plan.toml");
+    assert!(code != Some(0) && text.contains("nothing"), "{text}");
+    let (code, text) = bake("--out planned --reuse wide --proposal plan.toml --report planned.json");
+    assert!(code == Some(0) && text.contains("there is no building nobody"), "{text}");
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("planned.json")).unwrap()).unwrap();
+    let expected = json!({ "title": "Tower", "removed": 1, "added": 2, "missing": ["nobody"] });
+    assert_eq!(report["read"]["proposal"], expected);
+    assert!(report["blocks_unchanged"].as_u64() > Some(0) && report["blocks_baked"].as_u64() > Some(0), "{report}");
+
+    for (city, name, more) in [("wide", "shown", " --proposal shown.toml"), ("planned", "baked", "")] {
+        let (code, text) = snapshot_of(folder, city, name, more);
+        assert_eq!(code, Some(0), "{text}");
+    }
+    assert_eq!(number(folder, "baked", "feature 1"), None);
+    let tower = number(folder, "baked", "tower.geojson").unwrap();
+    let (shown, baked) = (objects(folder, "shown"), objects(folder, "baked"));
+    let seen = shown.iter().filter(|object| **object == FIRST_ADDED).count();
+    let differ = shown.iter().zip(&baked).filter(|(shown, baked)| (**shown == FIRST_ADDED) != (**baked == tower));
+    let differ = differ.count();
+    assert!(seen > 100 && differ <= seen / 8, "{differ} of {seen}");
+    let distances = distances(folder, "shown").into_iter().zip(distances(folder, "baked"));
+    let moved = distances.filter(|(shown, baked)| shown != baked && (shown - baked).abs() > 1.0).count();
+    assert!(moved <= shown.len() / 20, "{moved}");
 }
 
 fn proposals_that_do_not_fit_are_refused() {

@@ -17,7 +17,7 @@ use crate::error::BakeError;
 use crate::ground::GroundOption;
 use crate::read::{
     AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns, ObjUpAxis,
-    Palette, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
+    Palette, ProposalOptions, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
 };
 use crate::sample::SampleSettings;
 use crate::scene::grid::BLOCK_LEAVES;
@@ -75,6 +75,10 @@ pub struct BakeOptions {
     pub scratch_bytes: u64,
     /// Reuse the unchanged blocks of the existing city.
     pub update: bool,
+    /// Reuse those of another city instead, which stays as it is.
+    pub reuse: Option<PathBuf>,
+    /// What a proposal changes.
+    pub proposal: Option<ProposalOptions>,
     /// Continue an interrupted bake of the same input with the same settings.
     pub resume: bool,
     /// Leave out inputs that cannot be read, or of which nothing is left, instead of failing.
@@ -156,6 +160,8 @@ impl Default for BakeOptions {
             memory_bytes: None,
             scratch_bytes: DEFAULT_SCRATCH_BYTES,
             update: false,
+            reuse: None,
+            proposal: None,
             resume: false,
             skip_bad_inputs: false,
             name: None,
@@ -199,7 +205,7 @@ impl BakeOptions {
     /// read, which the bake reports.
     #[must_use]
     pub fn read_paths(&self) -> Vec<PathBuf> {
-        let inputs = self.inputs.iter().chain(&self.surroundings.files).chain(&self.streets);
+        let inputs = self.inputs.iter().chain(&self.surroundings.files).chain(&self.streets).chain(&self.reuse);
         let others =
             self.texture_roots.iter().chain(&self.placing.grids).chain(&self.landmarks).chain(&self.named_files);
         let meshes = self.landmarks.iter().flat_map(|file| meshes_of(file).unwrap_or_default());
@@ -234,7 +240,8 @@ pub(crate) struct BakeConfig {
     pub(crate) threads: usize,
     memory_bytes: usize,
     pub(crate) scratch_bytes: u64,
-    pub(crate) update: bool,
+    /// The city whose unchanged blocks are reused, if there is one.
+    pub(crate) previous: Option<PathBuf>,
     pub(crate) resume: bool,
     pub(crate) name: String,
     pub(crate) title: Option<String>,
@@ -287,7 +294,7 @@ impl BakeConfig {
             threads,
             memory_bytes: check_memory(options.memory_bytes, threads)?,
             scratch_bytes: options.scratch_bytes,
-            update: options.update,
+            previous: options.reuse.clone().or_else(|| options.update.then(|| options.out.clone())),
             resume: options.resume,
             name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,
             title: options.title.clone(),
@@ -340,6 +347,7 @@ impl BakeConfig {
             landmarks: options.landmarks.clone(),
             is_monument: options.is_monument,
             stone: options.stone.clone(),
+            proposal: options.proposal.clone(),
             max_document_bytes: self.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.max_line_bytes().min(defaults.max_line_bytes),
             // All allocations of a bake have a limit.

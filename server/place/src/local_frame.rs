@@ -86,6 +86,12 @@ pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(Crs
     Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale, is_y_up: false })))
 }
 
+/// Coordinate system and frame of a mesh by longitude, latitude and height of its origin, and by how much it is turned clockwise.
+pub fn at(origin: [f64; 3], heading_deg: f64) -> (CrsReference, LocalFrame) {
+    let (sin, cos) = libm::sincos(heading_deg.to_radians());
+    (reference(origin), LocalFrame { cos, sin, ..LocalFrame::IDENTITY })
+}
+
 fn reference([lon, lat, height_m]: [f64; 3]) -> CrsReference {
     CrsReference::east_first(format!("ENU:{lon},{lat},{height_m}"))
 }

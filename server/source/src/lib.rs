@@ -14,6 +14,7 @@ pub mod files;
 pub mod input;
 mod input_budget;
 pub mod json;
+mod made;
 pub mod object;
 pub mod packed;
 pub mod problems;

@@ -12,6 +12,8 @@ pub const MISSING_GROUND: &str = "height of the ground out of range, taken as mi
 pub const NO_CRS: &str = "coordinate system not given";
 /// Reason for leaving out objects that are too far from the others.
 pub const FAR: &str = "far from the city";
+/// Reason for leaving out objects that a proposal removes.
+pub const REMOVED: &str = "removed by the proposal";
 /// Kind of the problem that few objects make the city wide.
 pub const WIDE: &str = "few objects far away that make the city more than twice as wide";
 /// Kind of the problem that coordinates are in another order than declared.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeValue, Attributes};
+pub use super::made::{FacadeReport, ProposalReport};
 use super::object::FeatureKind;
 use super::problems::{
     CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, GUESSES, INEXACT, LOSSES, NO_CRS,
@@ -361,19 +362,6 @@ fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl 
     }
 }
 
-/// The generated facades of a city.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FacadeReport {
-    /// Always true: no source has these windows.
-    pub generated: bool,
-    /// Objects with a generated facade.
-    pub objects: u64,
-    /// Parts of walls, each with whole bays and storeys.
-    pub walls: u64,
-    pub windows: u64,
-    pub textures: u64,
-}
-
 /// An input that is left out of the city.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BadInput {
@@ -406,6 +394,8 @@ pub struct ReadReport {
     pub facades: Option<FacadeReport>,
     /// Stones of landmarks: the JSON text of the parameters of each.
     pub stones: Vec<String>,
+    /// What a proposal changed; `None` without one.
+    pub proposal: Option<ProposalReport>,
 }
 
 impl ReadReport {

@@ -9,14 +9,16 @@ use super::{
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
     labels, memory,
+    proposal::Proposal,
+    store::{CityStore, StoredCity, StoredObjects},
 };
 use insula_archive::{file::read_text, places::canonical};
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
-        AxisOrders, AxisRule, DuplicateOption, FacadeOption, FeatureKind, HeightUnit, InputError, KindFilter,
-        NamePatterns, ObjUpAxis, Palette, PlacingOptions, ReadReport, SurroundingsOptions, TerrainOptions,
-        cell_of_monument,
+        AxisOrders, AxisRule, DuplicateOption, EarthPlace, FacadeOption, FeatureKind, HeightUnit, InputError,
+        KindFilter, NamePatterns, ObjUpAxis, Palette, PlacingOptions, ProposalOptions, ReadReport, SurroundingsOptions,
+        TerrainOptions, cell_of_monument,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -26,6 +28,7 @@ use insula_protocol::{
     manifest::Attribution,
     text::{count, human_bytes, printable, shell_word},
 };
+use insula_source::problems::REMOVED;
 use serde_json::Value;
 use std::{
     collections::BTreeMap,
@@ -180,7 +183,7 @@ pub(super) fn named_files(args: &BakeArgs) -> Vec<PathBuf> {
     let is_word = |palette: &Path| matches!(palette.to_str(), Some("harmonised" | "source"));
     let palette = args.palette.iter().filter(|palette| !is_word(palette)).cloned();
     let stone = args.stone.iter().filter(|stone| is_stone_file(stone)).map(PathBuf::from);
-    palette.chain(args.labels.clone()).chain(stone).collect()
+    palette.chain(args.labels.clone()).chain(stone).chain(args.proposal.clone()).collect()
 }
 
 /// Whether `--stone` names a file rather than a preset.
@@ -197,6 +200,21 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
     read_text(Path::new(value), MAX_STONE_BYTES).map_err(failed)
 }
 
+/// What the proposal changes in the city of which unchanged blocks are reused; `None` without one. Fails if a file, or the city, cannot be
+/// read.
+fn proposal(args: &BakeArgs) -> Result<Option<ProposalOptions>, CommandError> {
+    let Some(folder) = &args.reuse else { return Ok(None) };
+    let city = CityStore::open(folder)?;
+    let Some(file) = &args.proposal else { return Ok(None) };
+    let proposal = Proposal::read(file)?;
+    let objects = StoredObjects::open(&city)?;
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), objects.schema(), &read);
+    let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let change = proposal.change(&source, place.as_ref())?;
+    Ok(Some(change.for_bake(&proposal, &source)?))
+}
+
 /// What a bake is asked for. Fails if a file that an option names cannot be read.
 pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
@@ -206,11 +224,6 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         return Err(CommandError::Bake("--stone needs one mesh as the only input; use --landmarks in a city".into()));
     }
     let cell_m = args.cell.or(monument.filter(|_| is_monument)).unwrap_or(1.0);
-    let attribution = args.attribution.clone().map(|text| Attribution {
-        text,
-        licence: args.licence.clone(),
-        url: args.source_url.clone(),
-    });
     Ok(BakeOptions {
         kinds: kind_filter(&args.read)?,
         placing: placing(&args.read)?,
@@ -255,12 +268,14 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         memory_bytes: args.memory.or((args.landmarks.is_some() || is_monument).then_some(MEMORY_OF_SCANS)),
         scratch_bytes: args.scratch,
         update: args.update,
+        reuse: args.reuse.clone(),
+        proposal: proposal(args)?,
         resume: args.resume,
         skip_bad_inputs: args.skip_bad_inputs,
         name: args.name.clone(),
         title: args.title.clone(),
         place: None,
-        attribution: attribution.into_iter().collect(),
+        attribution: attribution(args),
         obj_up: match args.obj_up {
             UpAxis::Z => ObjUpAxis::Z,
             UpAxis::Y => ObjUpAxis::Y,
@@ -277,6 +292,14 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
             ..SampleSettings::with_views(args.views)
         },
     })
+}
+
+fn attribution(args: &BakeArgs) -> Vec<Attribution> {
+    let of = |text: &String| {
+        let (licence, url) = (args.licence.clone(), args.source_url.clone());
+        Attribution { text: text.clone(), licence, url }
+    };
+    args.attribution.iter().map(of).collect()
 }
 
 fn labels_of(args: &BakeArgs) -> Result<Labels, CommandError> {
@@ -308,10 +331,17 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
         report.triangles_per_second,
         report.nodes,
         human_bytes(report.city_bytes),
-        left_out(&report.read),
+        left_out(&report.read) + &proposed(&report.read),
         filled_in(&report.filled_in),
         shell_word(&args.out.to_string_lossy()),
     )
+}
+
+/// What a proposal changed, for the end of a sentence; empty without one.
+fn proposed(read: &ReadReport) -> String {
+    let Some(proposal) = &read.proposal else { return String::new() };
+    let [removed, added] = [proposal.removed, proposal.added].map(|objects| count(objects, "object"));
+    format!("; {}: {removed} hidden, {added} added", printable(&proposal.title))
 }
 
 /// Lines that say which names and licences were filled in; empty if none.
@@ -331,7 +361,8 @@ fn left_out(read: &ReadReport) -> String {
         text += &format!(", {} left out", count(read.bad_inputs.len() as u64, "input"));
     }
     let mut by_reason = BTreeMap::<&str, u64>::new();
-    for (reason, fault) in read.sources.iter().flat_map(|source| &source.skipped) {
+    let skipped = read.sources.iter().flat_map(|source| &source.skipped);
+    for (reason, fault) in skipped.filter(|(reason, _)| *reason != REMOVED) {
         *by_reason.entry(reason).or_default() += fault.count;
     }
     let duplicates = read.duplicates();
@@ -348,12 +379,13 @@ fn left_out(read: &ReadReport) -> String {
     if by_reason.is_empty() {
         return text;
     }
+    let skipped: u64 = by_reason.values().sum();
     let mut reasons: Vec<_> = by_reason.into_iter().collect();
     reasons.sort_by_key(|(reason, n)| (std::cmp::Reverse(*n), *reason));
     let named =
         reasons.iter().take(MAX_REASONS).map(|(reason, n)| format!("{n} {reason}")).collect::<Vec<_>>().join(", ");
     let more = if reasons.len() > MAX_REASONS { ", ..." } else { "" };
-    text + &format!(", {} skipped: {named}{more} (--report names them)", count(read.skipped(), "object"))
+    text + &format!(", {} skipped: {named}{more} (--report names them)", count(skipped, "object"))
 }
 
 #[cfg(test)]

@@ -14,7 +14,10 @@ use insula_export::{
 use insula_objects::filter::Filter;
 use insula_protocol::text::printable;
 use roaring::RoaringBitmap;
-use std::{collections::BTreeSet, path::Path};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 /// All of a model is so near to its place.
 const FAR_M: f64 = 2000.0;
@@ -44,10 +47,12 @@ pub struct ProposedChange {
 
 /// A model or a block.
 pub(super) struct AddedShape {
-    /// Name of its file.
-    pub(super) name: String,
+    pub(super) file: PathBuf,
+    /// Of a model without coordinates of its own: longitude, latitude and height of its origin. The height is 0 unless it is known.
+    pub(super) origin: Option<[f64; 3]>,
+    pub(super) heading_deg: f64,
     /// At height 0, unless its base is known.
-    addition: Addition,
+    pub(super) addition: Addition,
     base: Base,
     /// Of a block: from its base to its top. 0 for a model.
     pub(super) height_m: f64,
@@ -154,7 +159,9 @@ impl Proposal {
                 amounts.add_area(&outline).map_err(|reason| self.wrong(&reason))?;
                 let addition = Addition::Block { outline, top_m: added.base_m.unwrap_or(0.0) + height_m };
                 let base = if added.base_m.is_some() { Base::Known } else { Base::Along };
-                change.added.push(AddedShape { name: name_of(file), addition, base, height_m, warnings: Vec::new() });
+                let (file, warnings) = (self.beside(file), Vec::new());
+                let shape = AddedShape { file, origin: None, heading_deg: 0.0, addition, base, height_m, warnings };
+                change.added.push(shape);
             }
         }
         for removed in &self.remove {
@@ -191,8 +198,8 @@ impl Proposal {
             }
             None => None,
         };
-        let at = degrees.map(|[lon, lat]| [lon, lat, added.base_m.unwrap_or(0.0)]);
-        let placing = PlacingOptions { crs: source.manifest().crs.clone(), at, ..PlacingOptions::default() };
+        let origin = degrees.map(|[lon, lat]| [lon, lat, added.base_m.unwrap_or(0.0)]);
+        let placing = PlacingOptions { crs: source.manifest().crs.clone(), at: origin, ..PlacingOptions::default() };
         let options = ReadOptions { placing, ..ReadOptions::default() };
         let (scene, report) = read::read(&[file.to_owned()], &options, &|_| ())
             .map_err(|error| self.wrong(&without_options(&error.to_string())))?;
@@ -221,7 +228,15 @@ impl Proposal {
             None if lies_at_zero => Base::Along,
             _ => Base::Known,
         };
-        Ok(AddedShape { name: name_of(file), addition: Addition::Model(triangles), base, height_m: 0.0, warnings })
+        Ok(AddedShape {
+            file: file.to_owned(),
+            origin,
+            heading_deg: added.heading_deg,
+            addition: Addition::Model(triangles),
+            base,
+            height_m: 0.0,
+            warnings,
+        })
     }
 }
 
@@ -247,7 +262,7 @@ impl ProposedChange {
             return Err(proposal.wrong(&format!("there is no building {id} in the city, or in the area of --bbox")));
         }
         let cleared = self.cleared(surface);
-        let additions = self.additions(proposal, &cleared)?;
+        let additions = self.raised(&self.lifts(proposal, &cleared)?);
         let after = cleared.with_additions(&additions);
         if after.changes_from(surface).is_none() {
             return Err(proposal.wrong(match self.added.is_empty() {
@@ -279,7 +294,7 @@ impl ProposedChange {
                 }
                 _ => return None,
             };
-            Some(format!("note: {} {what}: check base_m, or the heights of its file", shape.name))
+            Some(format!("note: {} {what}: check base_m, or the heights of its file", name_of(&shape.file)))
         };
         self.added.iter().zip(additions).filter_map(note).collect()
     }
@@ -291,9 +306,9 @@ impl ProposedChange {
         surface.without_objects(&is_removed, &self.areas)
     }
 
-    /// What is added, on the ground of a surface. Fails if an addition has no ground below it.
-    fn additions(&self, proposal: &Proposal, cleared: &CitySurface) -> Result<Vec<Addition>, ProposalError> {
-        let on_ground = |shape: &AddedShape| -> Result<Addition, ProposalError> {
+    /// By how much what is added is raised to stand on the ground of a surface. Fails if an addition has no ground below it.
+    fn lifts(&self, proposal: &Proposal, cleared: &CitySurface) -> Result<Vec<f64>, ProposalError> {
+        let on_ground = |shape: &AddedShape| {
             let base_m = match &shape.base {
                 Base::At(place) => cleared.ground_at(*place),
                 Base::Along => {
@@ -302,19 +317,23 @@ impl ProposedChange {
                 }
                 Base::Known => Some(0.0),
             };
-            let no_ground = || proposal.wrong("there is no ground of the city below what is added");
-            Ok(shape.raised(base_m.ok_or_else(no_ground)?))
+            base_m.ok_or_else(|| proposal.wrong("there is no ground of the city below what is added"))
         };
         self.added.iter().map(on_ground).collect()
     }
 
-    /// The same, on the ground of a city after the change, and what stands oddly on it. Fails if an addition has no ground below it, or if
-    /// tiles cannot be read.
-    pub(super) fn additions_in(
+    /// What is added, raised by so much.
+    fn raised(&self, lifts: &[f64]) -> Vec<Addition> {
+        self.added.iter().zip(lifts).map(|(shape, by_m)| shape.raised(*by_m)).collect()
+    }
+
+    /// By how much what is added is raised to stand on the ground of a city after the change, and what stands oddly on it. Fails if an
+    /// addition has no ground below it, or if tiles cannot be read.
+    pub(super) fn lifts_in(
         &self,
         proposal: &Proposal,
         source: &dyn ExportSource,
-    ) -> Result<(Vec<Addition>, Vec<String>), ProposalError> {
+    ) -> Result<(Vec<f64>, Vec<String>), ProposalError> {
         let cleared = |[low, high]: [[f64; 2]; 2]| {
             let area = [low.map(|v| v - AROUND_GROUND_M), high.map(|v| v + AROUND_GROUND_M)];
             CitySurface::read(source, Some(area)).map(|surface| self.cleared(&surface))
@@ -322,15 +341,15 @@ impl ProposedChange {
         let on_ground = self.added.iter().filter(|shape| shape.base != Base::Known);
         if let Some(area) = around(on_ground.flat_map(AddedShape::places)) {
             let cleared = cleared(area).map_err(|error| proposal.wrong(&error.to_string()))?;
-            let additions = self.additions(proposal, &cleared)?;
-            let notes = self.odd_heights(&additions, &cleared);
-            return Ok((additions, notes));
+            let lifts = self.lifts(proposal, &cleared)?;
+            let notes = self.odd_heights(&self.raised(&lifts), &cleared);
+            return Ok((lifts, notes));
         }
-        let additions: Vec<Addition> = self.added.iter().map(|shape| shape.raised(0.0)).collect();
+        let lifts = vec![0.0; self.added.len()];
         // Nothing needs the ground: where it cannot be read, there are no notes.
         let cleared = around(self.added.iter().flat_map(AddedShape::places)).and_then(|area| cleared(area).ok());
-        let notes = cleared.map(|cleared| self.odd_heights(&additions, &cleared)).unwrap_or_default();
-        Ok((additions, notes))
+        let notes = cleared.map(|cleared| self.odd_heights(&self.raised(&lifts), &cleared)).unwrap_or_default();
+        Ok((lifts, notes))
     }
 }
 
@@ -355,7 +374,7 @@ impl AddedShape {
     }
 
     /// Some metres higher.
-    fn raised(&self, by_m: f64) -> Addition {
+    pub(super) fn raised(&self, by_m: f64) -> Addition {
         let mut addition = self.addition.clone();
         match &mut addition {
             Addition::Model(triangles) => triangles.iter_mut().flatten().for_each(|corner| corner[2] += by_m),
@@ -366,7 +385,7 @@ impl AddedShape {
 }
 
 /// A file's name with its end: a model has one of the same name in another format beside it.
-fn name_of(file: &Path) -> String {
+pub(super) fn name_of(file: &Path) -> String {
     file.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 

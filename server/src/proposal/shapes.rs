@@ -1,14 +1,20 @@
 //! What viewers show of a proposal: triangles on the ground of a city, and the objects that are hidden.
 
-use super::{Proposal, ProposalError, ProposedChange, change::NOTHING_REMOVED};
+use super::{
+    Proposal, ProposalError, ProposedChange,
+    change::{AddedShape, NOTHING_REMOVED, name_of},
+};
 use insula_analysis::proposal::Addition;
-use insula_bake::read::{BuildingHeight, GroundPlans, PrismMaterials, Triangulator};
+use insula_bake::read::{
+    AddedContent, AddedInput, BuildingHeight, GroundPlans, PrismMaterials, ProposalOptions, RemovedObject, Triangulator,
+};
 use insula_export::{
     leaves::is_land,
     selection::{ObjectSelection, Polygon, SelectedArea},
     source::ExportSource,
 };
-use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBounds};
+use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds};
+use insula_protocol::{object_tile::block_of_object, text::printable};
 use std::collections::BTreeSet;
 
 /// Parts of parts are removed with them, so deep at most.
@@ -35,29 +41,78 @@ pub struct ProposedObject {
 impl ProposedChange {
     /// What viewers show of the change. Fails if a building that is removed is not there, or if the city cannot be read.
     pub fn objects(&self, proposal: &Proposal, source: &dyn ExportSource) -> Result<ProposedObjects, ProposalError> {
-        let removed = self.removed_objects(proposal, source)?;
-        if self.added.is_empty() && removed.is_empty() {
-            return Err(proposal.wrong(NOTHING_REMOVED));
+        let (removed, missing) = self.removed_objects(proposal, source)?;
+        if let Some(id) = missing.first() {
+            return Err(proposal.wrong(&format!("there is no building {id} in the city")));
         }
-        let (additions, notes) = self.additions_in(proposal, source)?;
+        let (lifts, notes) = self.lifts_of(proposal, source, &removed)?;
         let mut added = Vec::with_capacity(self.added.len());
-        for (shape, addition) in self.added.iter().zip(additions) {
-            let triangles = match addition {
-                Addition::Model(triangles) => triangles,
-                Addition::Block { outline, top_m } => block(&outline, [top_m - shape.height_m, top_m])
-                    .map_err(|reason| proposal.wrong(&format!("{}: {reason}", shape.name)))?,
-            };
-            added.push(ProposedObject { name: shape.name.clone(), triangles });
+        for (shape, by_m) in self.added.iter().zip(lifts) {
+            added.push(ProposedObject { name: name_of(&shape.file), triangles: shape.triangles(proposal, by_m)? });
         }
         self.say(&notes);
         Ok(ProposedObjects { added, removed })
     }
 
+    /// What a bake of the city's inputs makes of the change. Buildings that are to be removed and are not there are a warning. Fails if the
+    /// city cannot be read.
+    pub fn for_bake(&self, proposal: &Proposal, source: &dyn ExportSource) -> Result<ProposalOptions, ProposalError> {
+        let (numbers, missing) = self.removed_objects(proposal, source)?;
+        let (lifts, notes) = self.lifts_of(proposal, source, &numbers)?;
+        for id in &missing {
+            eprintln!("{}", printable(&format!("warning: {}", proposal.wrong(&format!("there is no building {id}")))));
+        }
+        let mut added = Vec::with_capacity(self.added.len());
+        for (shape, by_m) in self.added.iter().zip(lifts) {
+            let content = match (&shape.addition, shape.origin) {
+                (Addition::Block { .. }, _) => AddedContent::Block(shape.triangles(proposal, by_m)?),
+                (Addition::Model(_), Some([lon, lat, height_m])) => {
+                    AddedContent::PlacedModel { origin: [lon, lat, height_m + by_m], heading_deg: shape.heading_deg }
+                }
+                (Addition::Model(_), None) => AddedContent::Model { base_m: by_m },
+            };
+            added.push(AddedInput { file: shape.file.clone(), content });
+        }
+        let mut removed = Vec::with_capacity(numbers.len());
+        let mut block: Option<(u32, Option<ObjectBlock>)> = None;
+        for id in numbers {
+            let number = block_of_object(id);
+            if block.as_ref().is_none_or(|(known, _)| *known != number) {
+                let read = source.objects(number).map_err(|error| proposal.wrong(&error.to_string()))?;
+                block = Some((number, read));
+            }
+            // Objects without a shape are in no tile.
+            let Some(block) = block.as_ref().and_then(|(_, block)| block.as_ref()) else { continue };
+            let (Some(identifier), Some(bounds)) = (block.identifier(id), block.bounds(id)) else { continue };
+            let bounds_m = on_map(bounds, source.manifest().origin);
+            removed.push(RemovedObject { identifier: identifier.to_owned(), bounds_m });
+        }
+        self.say(&notes);
+        Ok(ProposalOptions { title: proposal.name().to_owned(), added, removed, missing })
+    }
+
+    /// As [`Self::lifts_in`]. Fails, in addition, if nothing is changed.
+    fn lifts_of(
+        &self,
+        proposal: &Proposal,
+        source: &dyn ExportSource,
+        removed: &[u32],
+    ) -> Result<(Vec<f64>, Vec<String>), ProposalError> {
+        match self.added.is_empty() && removed.is_empty() {
+            true => Err(proposal.wrong(NOTHING_REMOVED)),
+            false => self.lifts_in(proposal, source),
+        }
+    }
+
     /// The buildings with the identifiers and those that pass the filters, what stands with its middle in the areas, and the parts of all
-    /// these. Land stays.
-    fn removed_objects(&self, proposal: &Proposal, source: &dyn ExportSource) -> Result<Vec<u32>, ProposalError> {
+    /// these. Land stays. And the identifiers that no building has.
+    fn removed_objects(
+        &self,
+        proposal: &Proposal,
+        source: &dyn ExportSource,
+    ) -> Result<(Vec<u32>, Vec<String>), ProposalError> {
         if !proposal.removes() {
-            return Ok(Vec::new());
+            return Ok((Vec::new(), Vec::new()));
         }
         let polygons = Some(SelectedArea::new(self.areas.clone()));
         let areas = ObjectSelection { polygons, ..ObjectSelection::default() };
@@ -82,9 +137,6 @@ impl ProposedChange {
                 parts.extend(block.parent(id).map(|parent| (id, parent)));
             }
         }
-        if let Some(id) = missing.first() {
-            return Err(proposal.wrong(&format!("there is no building {id} in the city")));
-        }
         for _ in 0..MAX_PART_DEPTH {
             let before = removed.len();
             for (part, whole) in &parts {
@@ -96,7 +148,18 @@ impl ProposedChange {
                 break;
             }
         }
-        Ok(removed.into_iter().collect())
+        Ok((removed.into_iter().collect(), missing.into_iter().map(str::to_owned).collect()))
+    }
+}
+
+impl AddedShape {
+    /// The triangles, some metres higher. Fails if an outline has no area.
+    fn triangles(&self, proposal: &Proposal, by_m: f64) -> Result<Vec<[[f64; 3]; 3]>, ProposalError> {
+        match self.raised(by_m) {
+            Addition::Model(triangles) => Ok(triangles),
+            Addition::Block { outline, top_m } => block(&outline, [top_m - self.height_m, top_m])
+                .map_err(|reason| proposal.wrong(&format!("{}: {reason}", name_of(&self.file)))),
+        }
     }
 }
 

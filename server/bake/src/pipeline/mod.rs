@@ -215,16 +215,14 @@ impl<'a> BakeRun<'a> {
         })
     }
 
-    /// The city to update, if an update was requested and is possible.
+    /// The city whose unchanged blocks are reused, if that was requested and is possible.
     fn open_previous(&self) -> Option<PreviousCity> {
-        if !self.config.update {
-            return None;
-        }
-        match PreviousCity::open(&self.config.out, self.config) {
+        let folder = self.config.previous.as_ref()?;
+        match PreviousCity::open(folder, self.config) {
             Ok(previous) => Some(previous),
             Err(reason) => {
-                let out = self.config.out.display();
-                self.progress.warn(&format!("{out}: cannot update: {reason}; baking the whole city"));
+                let folder = folder.display();
+                self.progress.warn(&format!("{folder}: cannot update: {reason}; baking the whole city"));
                 None
             }
         }

@@ -3,7 +3,7 @@
 //! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
 
 use insula_source::error::InputError;
-use insula_source::problems::{FAR, FEW_CORNERS};
+use insula_source::problems::{FAR, FEW_CORNERS, REMOVED};
 use insula_source::report::{BadInput, SourceReport};
 
 /// What to do if rings in a declared system have no size.
@@ -51,10 +51,10 @@ impl BadInputs {
     }
 }
 
-/// The error of a source of which every object is left out; `None` if it has others, or none at all.
+/// The error of a source of which every object is left out; `None` if it has others, or none at all, or if a proposal removes them.
 pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
     let objects = source.skipped.values().map(|fault| fault.count).sum();
-    if source.objects + source.painted > 0 || objects == 0 {
+    if source.objects + source.painted > 0 || objects == 0 || source.skipped.contains_key(REMOVED) {
         return None;
     }
     let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;

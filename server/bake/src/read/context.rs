@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::duplicates::DuplicateOption;
 use super::facade_city::FacadeCity;
+use super::proposal_options::ProposalOptions;
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::stone::{CityStone, mean_colour};
 use super::texture::TextureLoader;
@@ -21,7 +22,6 @@ use insula_dress::map_store::MapStore;
 use insula_dress::paint::PaintShape;
 use insula_dress::palette::{BuildingLook, Palette, SurfaceFacts};
 use insula_dress::polygon::Triangulator;
-use insula_place::local_frame;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement, World};
 use insula_protocol::{blockmap::ground::GROUND_COLOUR, manifest::MAX_STONES};
@@ -34,7 +34,6 @@ use insula_source::attributes::{Attributes, NamePatterns};
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, FeatureKind, KindFilter};
 use insula_source::report::{FacadeReport, ReadReport, SourceReport};
-use insula_source::source::CitySource;
 use insula_source::units::HeightUnit;
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
@@ -103,6 +102,8 @@ pub struct ReadOptions {
     pub is_monument: bool,
     /// JSON text of its stone.
     pub stone: Option<String>,
+    /// What a proposal changes.
+    pub proposal: Option<ProposalOptions>,
 }
 
 impl Default for ReadOptions {
@@ -135,6 +136,7 @@ impl Default for ReadOptions {
             landmarks: None,
             is_monument: false,
             stone: None,
+            proposal: None,
         }
     }
 }
@@ -160,6 +162,9 @@ pub(crate) struct ReadContext<'o> {
     pub(crate) is_last_resort: bool,
     /// Whether reading ends at the first place, because only the coordinate system is wanted.
     pub(crate) ends_at_place: bool,
+    /// Whether the source is what a proposal adds. It has the place of the proposal, if that has one, and z points up.
+    pub(crate) is_addition: bool,
+    pub(crate) addition_place: Option<(CrsReference, LocalFrame)>,
     facades: FacadeMaker,
     stones: Vec<String>,
 }
@@ -206,6 +211,8 @@ impl<'o> ReadContext<'o> {
             shapes: MapStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
             ends_at_place: false,
+            is_addition: false,
+            addition_place: None,
             facades: FacadeMaker::default(),
             stones: Vec::new(),
         })
@@ -296,19 +303,6 @@ impl<'o> ReadContext<'o> {
         }
         placement.settle(&mut self.world, label, first)?;
         if self.ends_at_place { Err(InputError::Settled { path: label.to_owned() }) } else { Ok(()) }
-    }
-
-    /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources.
-    /// Fails if the file that places it is invalid.
-    pub(crate) fn place_of_mesh(&mut self, source: &CitySource<'_>) -> Result<(Placement, LocalFrame), InputError> {
-        match local_frame::find(source, self.options.placing.at)? {
-            Some((reference, frame)) => {
-                let mut placement = self.world.place(&source.label, &reference)?;
-                self.settle(&mut placement, &source.label, [0.0; 3])?;
-                Ok((placement, frame))
-            }
-            None => Ok((Placement::Unknown, LocalFrame::IDENTITY)),
-        }
     }
 
     /// Whether flat areas and lines are painted on terrain, because there will be some.
@@ -534,7 +528,10 @@ impl<'o> ReadContext<'o> {
         if let Some([low, high]) = self.wanted_area() {
             self.builder.drop_outside(low, high, sources)?;
         }
-        self.builder.drop_duplicates(self.options.duplicates, sources)?;
+        // Before a proposal, they are left out already: what it adds is no duplicate.
+        if report.proposal.is_none() {
+            self.builder.drop_duplicates(self.options.duplicates, sources)?;
+        }
         let mut city = self.builder.finish(self.textures.textures, sources)?;
         if let Some([low, high]) = city.bounds {
             let middle = [0, 1].map(|axis: usize| city.origin[axis] + (low[axis] + high[axis]) / 2.0);

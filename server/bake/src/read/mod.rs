@@ -11,6 +11,8 @@ mod json_kind;
 mod landmark;
 mod list;
 mod part;
+mod proposal;
+mod proposal_options;
 mod scene_builder;
 mod sink;
 mod slice;
@@ -41,13 +43,15 @@ pub use insula_source::attributes::NamePatterns;
 pub use insula_source::error::InputError;
 pub use insula_source::object::{FeatureKind, KindFilter};
 pub use insula_source::report::{
-    AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
+    AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ProposalReport, ReadReport, SourceFormat,
+    SourceReport,
 };
 pub use insula_source::source::ReadProgress;
 pub use insula_source::units::HeightUnit;
 pub use landmark::cell_of_monument;
 pub use list::named_paths;
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
+pub use proposal_options::{AddedContent, AddedInput, ProposalOptions, RemovedObject};
 pub use survey::{InputSurvey, survey};
 
 use crate::error::BakeError;
@@ -186,7 +190,7 @@ impl ReadCity {
     }
 }
 
-/// Reads the sources and the landmarks into a city.
+/// Reads the sources, the landmarks and the proposal into a city.
 fn read_city(
     listed: &SourceList<'_>,
     bad: BadInputs,
@@ -196,6 +200,7 @@ fn read_city(
     let mut read = read_sources(listed, bad, context, progress)?;
     let ReadSources { context, report, set_of_source, bad } = &mut read;
     read_landmarks(context, bad, report, set_of_source)?;
+    proposal::apply(context, report, set_of_source)?;
     finish_city(read)
 }
 

@@ -5,6 +5,7 @@ mod finish;
 mod landmarks;
 mod parts;
 mod pending;
+mod proposed;
 mod strays;
 #[cfg(test)]
 mod tests;

@@ -147,7 +147,7 @@ impl SceneBuilder {
         if next.is_none() {
             return Ok(());
         }
-        self.triangles.finish()?;
+        self.triangles.flush()?;
         let mut masks = RecordSorter::new(scratch, |a: &PairMask, b: &PairMask| by_pair(&a.pair, &b.pair));
         let (mut open, mut anchor): (Vec<PairMask>, _) = (Vec::new(), [0.0; 3]);
         let (mut current, mut pending) = (None, self.pending.cursor());

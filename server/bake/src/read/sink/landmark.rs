@@ -11,6 +11,7 @@ impl SceneSink<'_, '_, '_> {
     /// Sets where the positions are that follow.
     pub(crate) fn set_placement(&mut self, placement: Placement) {
         (self.placement, self.frame, self.unplaced_mesh) = (placement, LocalFrame::IDENTITY, None);
+        self.is_place_sought = false;
     }
 
     /// Adds an object as a landmark, whose number is set here. Fails if the whole bake must end.

@@ -1,18 +1,45 @@
-//! Meshes without a place whose coordinates are degrees, although their formats have metres only, or metres from the centre of the
-//! Earth, as the contents of 3D Tiles have them.
+//! Places of meshes, whose formats have none. Those without one whose coordinates are degrees, although their formats have metres only, or
+//! metres from the centre of the Earth, as the contents of 3D Tiles have them.
 
 use super::SceneSink;
+use crate::read::context::{ObjUpAxis, ReadContext};
 use crate::read::scene_builder::OpenObject;
-use insula_place::placement::MeshExtent;
+use insula_place::local_frame::{self, LocalFrame};
+use insula_place::placement::{MeshExtent, Placement};
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, ObjectSink, Shape};
 use insula_source::problems::NO_CRS;
+use insula_source::source::CitySource;
 
 /// What is known of the coordinates of a mesh without a place.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct UnplacedMesh {
     /// Of all objects so far.
     extent: Option<MeshExtent>,
+}
+
+impl ReadContext<'_> {
+    /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources.
+    /// Fails if the file that places it is invalid.
+    pub(super) fn place_of_mesh(&mut self, source: &CitySource<'_>) -> Result<(Placement, LocalFrame), InputError> {
+        let found = match self.addition_place.clone() {
+            None => local_frame::find(source, self.options.placing.at.filter(|_| !self.is_addition))?,
+            place => place,
+        };
+        match found {
+            Some((reference, frame)) => {
+                let mut placement = self.world.place(&source.label, &reference)?;
+                self.settle(&mut placement, &source.label, [0.0; 3])?;
+                Ok((placement, frame))
+            }
+            None => Ok((Placement::Unknown, LocalFrame::IDENTITY)),
+        }
+    }
+
+    /// Whether y points up in files that do not tell it.
+    pub(super) fn is_y_up(&self) -> bool {
+        self.options.obj_up == ObjUpAxis::Y && !self.is_addition
+    }
 }
 
 impl SceneSink<'_, '_, '_> {

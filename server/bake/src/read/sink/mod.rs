@@ -16,7 +16,7 @@ mod surfaces;
 mod texts;
 mod told_heights;
 
-use super::context::{ByteProgress, ObjUpAxis, ReadContext};
+use super::context::{ByteProgress, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{HeightHints, has_height, is_hidden};
@@ -96,7 +96,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             true => context.place_of_mesh(source)?,
             false => (Placement::Unknown, LocalFrame::IDENTITY),
         };
-        let is_turned = is_plain && context.options.obj_up == ObjUpAxis::Y;
+        let is_turned = is_plain && context.is_y_up();
         let frame = if is_turned { frame.with_y_up() } else { frame };
         let (materials, faces) = (MaterialTable::default(), Vec::new());
         let is_place_sought = !is_mesh;
@@ -146,7 +146,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     pub(crate) fn into_report(mut self) -> SourceReport {
         self.report_mesh_in_degrees();
         if let Some(shape) = &self.mesh_shape {
-            shape.note_in(self.context.options.obj_up == ObjUpAxis::Y, &mut self.report);
+            shape.note_in(self.context.is_y_up(), &mut self.report);
         }
         self.told_heights.note_in(&mut self.report);
         self.placement.note_in(&mut self.report);
