@@ -1,11 +1,12 @@
 //! The page of one city, `/cities/{city}`, and its picture.
 
 use super::{
-    access_control::{AccessRequest, CityAccess, Credentials},
+    access_control::CityAccess,
     page_response::{displayed_origin, known_origin, relative, relative_root, respond, share_query},
     problem::Problem,
-    representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
+    representation::Representation,
     state::AppState,
+    tile::find_city,
     wrong_address,
 };
 use crate::{
@@ -46,14 +47,7 @@ pub(super) async fn thumbnail(
     }
     let read = spawn_blocking(move || city.read_thumbnail()).await;
     let jpeg = read.ok().flatten().ok_or(NO_PICTURE)?;
-    let representation = Representation {
-        etag: etag_of(&jpeg),
-        body: jpeg,
-        content_type: HeaderValue::from_static("image/jpeg"),
-        cache_control: if access.is_public() { REVALIDATE } else { REVALIDATE_PRIVATE },
-        encoding: None,
-        vary: None,
-    };
+    let representation = Representation::changing(jpeg, "image/jpeg", access.is_public());
     Ok(representation.respond(&method, &headers).map(Body::from))
 }
 
@@ -69,13 +63,7 @@ fn find(
         Ok(Route::CityPage { city } | Route::Thumbnail { city }) => city,
         _ => "",
     };
-    let catalog = state.catalog();
-    let city = catalog.store().city(name);
-    let version = city.map(|city| city.manifest().version.as_str());
-    let request = AccessRequest { route: template, city: name, version };
-    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
-    let city = city.ok_or(Problem::not_found("there is no such city"))?;
-    Ok((Arc::clone(city), access))
+    find_city(state, template, name, uri, headers)
 }
 
 /// The page of a city that the request may see: with the viewer, if the server has it.

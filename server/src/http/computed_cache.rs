@@ -5,7 +5,7 @@
 
 use super::{
     fair_queue::{FairQueue, Shed, StopFlag},
-    representation::etag_of,
+    representation::{Representation, etag_of},
 };
 use crate::store::CityIndex;
 use axum::http::HeaderValue;
@@ -57,6 +57,11 @@ impl ComputedBytes {
     pub(super) fn new(body: impl Into<Bytes>) -> Self {
         let body = body.into();
         Self { etag: etag_of(&body), body }
+    }
+
+    /// The content of a response that never changes under its URL.
+    pub(super) fn immutable(self, content_type: &'static str, is_public: bool) -> Representation {
+        Representation::immutable(self.body, self.etag, content_type, is_public)
     }
 }
 

@@ -6,7 +6,6 @@ use super::{
     computed_cache::ComputedKey,
     fair_queue::{Shed, StopFlag},
     problem::Problem,
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     search::decode_text,
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
@@ -16,7 +15,7 @@ use crate::store::CityStore;
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    http::{HeaderMap, Method, Uri},
     response::Response,
 };
 use insula_objects::{
@@ -70,14 +69,7 @@ pub(super) async fn filter(
     let work = move |stop: &StopFlag| evaluate(&filtered, &text, &runtime, stop);
     let made = state.computed().find_or_make(key, state.work(WorkKind::Filter), client, work).await;
     let made = made.map_err(Shed::problem)?.map_err(|failure| problem(&state, &city, failure))?;
-    let representation = Representation {
-        etag: made.etag,
-        body: made.body,
-        content_type: HeaderValue::from_static("application/octet-stream"),
-        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
-        encoding: None,
-        vary: None,
-    };
+    let representation = made.immutable("application/octet-stream", access.is_public());
     Ok(representation.respond(&method, &headers).map(Body::from))
 }
 
@@ -131,8 +123,7 @@ fn problem(state: &AppState, city: &CityStore, failure: Failure) -> Problem {
             if state.admits_message(MessageKind::TileFailure) {
                 tracing::error!(place = city.location(), reason, "cannot filter the objects of a city");
             }
-            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server cannot read the objects of this city")
-                .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+            Problem::damaged("the server cannot read the objects of this city")
         }
     }
 }

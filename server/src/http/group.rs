@@ -4,7 +4,6 @@ use super::{
     computed_cache::ComputedBytes,
     fair_queue::Shed,
     problem::{NO_ROUTE, Problem},
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     state::AppState,
     thread_state::ThreadState,
     tile::{RequestedTile, find_version, unknown_name},
@@ -15,7 +14,7 @@ use super::{
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderValue, Request, StatusCode},
+    http::{Request, StatusCode},
     response::Response,
 };
 use bytes::Bytes;
@@ -54,14 +53,7 @@ pub(super) async fn group(
     let (reader, client) = (app.clone(), RequestClient::of(&parts));
     let work = async move { encode(requested, &reader, &tiles).await.map(ComputedBytes::new) };
     let made = app.work(WorkKind::Groups).wait_for(client, work).await.map_err(Shed::problem)??;
-    let representation = Representation {
-        etag: made.etag,
-        body: made.body,
-        content_type: HeaderValue::from_static("application/octet-stream"),
-        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
-        encoding: None,
-        vary: None,
-    };
+    let representation = made.immutable("application/octet-stream", access.is_public());
     Ok(representation.respond(&parts.method, &parts.headers).map(Body::from))
 }
 

@@ -1,11 +1,6 @@
 //! What the responses with pages share: headers, and the address by which the client knows the server.
 
-use super::{
-    representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
-    request_host::request_host,
-    response::NO_REFERRER,
-    state::AppState,
-};
+use super::{representation::Representation, request_host::request_host, response::NO_REFERRER, state::AppState};
 use crate::share_link;
 use axum::{
     body::Body,
@@ -23,14 +18,8 @@ pub(super) fn respond(
     method: &Method,
     headers: &HeaderMap,
 ) -> Response {
-    let representation = Representation {
-        etag: etag_of(html.as_bytes()),
-        body: Bytes::from(html),
-        content_type: HeaderValue::from_static("text/html; charset=utf-8"),
-        cache_control: if is_public { REVALIDATE } else { REVALIDATE_PRIVATE },
-        encoding: None,
-        vary,
-    };
+    let representation =
+        Representation { vary, ..Representation::changing(Bytes::from(html), "text/html; charset=utf-8", is_public) };
     let mut response = representation.respond(method, headers).map(Body::from);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
     response.headers_mut().insert(header::REFERRER_POLICY, NO_REFERRER);

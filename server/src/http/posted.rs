@@ -4,18 +4,17 @@
 //! work are done at once on threads of their own, few requests wait, and work that nobody waits for ends. They are off by default.
 
 use super::{
-    access_control::{AccessRequest, Credentials},
     fair_queue::StopFlag,
     problem::{NO_ROUTE, Problem},
     response::POST_METHODS,
     state::{AppState, MessageKind},
-    tile::unknown_name,
+    tile::{find_city, unknown_name},
 };
 use crate::store::{CityStore, StoredCity};
 use axum::{
     body::{Body, to_bytes},
     extract::State,
-    http::{HeaderMap, HeaderValue, StatusCode, Uri, header},
+    http::{HeaderMap, StatusCode, Uri, header},
 };
 use bytes::Bytes;
 use insula_archive::ReadError;
@@ -29,7 +28,6 @@ const MAX_BODY_BYTES: usize = 64 << 10;
 /// Time within which the body must arrive.
 const BODY_TIME: Duration = Duration::from_secs(10);
 
-const NO_CITY: Problem = Problem::not_found("there is no such city");
 const NOT_JSON: Problem =
     Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the options must be JSON: content-type: application/json");
 
@@ -56,16 +54,8 @@ pub(super) fn requested_city(state: &AppState, uri: &Uri, headers: &HeaderMap) -
         Err(RouteError::InvalidName) => return Err(unknown_name(state, uri, headers)),
         _ => return Err(NO_ROUTE),
     };
-    let catalog = state.catalog();
-    let city = catalog.store().city(name);
-    let version = city.map(|city| city.manifest().version.as_str());
-    let request = AccessRequest { route: template, city: name, version };
-    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
-    let city = city.ok_or(NO_CITY)?;
-    if !access.admits_computed(template) {
-        return Err(NO_CITY);
-    }
-    Ok(Arc::clone(city))
+    let (city, access) = find_city(state, template, name, uri, headers)?;
+    if access.admits_computed(template) { Ok(city) } else { Err(Problem::not_found("there is no such city")) }
 }
 
 /// The body. Fails with 415 if it is not JSON, 413 if it is too large, and 408 if it is slow.
@@ -108,6 +98,5 @@ pub(super) fn unreadable(state: &AppState, city: &CityStore, reason: &dyn Displa
     if state.admits_message(MessageKind::TileFailure) {
         tracing::error!(place = city.location(), %reason, "cannot read a city");
     }
-    Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server cannot read this city")
-        .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+    Problem::damaged("the server cannot read this city")
 }

@@ -64,6 +64,11 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail).with(header::RETRY_AFTER, HeaderValue::from_static("1"))
     }
 
+    /// 500 with `Retry-After: 60`: the server's copy of a city has failed, which may be replaced.
+    pub(super) fn damaged(detail: &'static str) -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, detail).with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+    }
+
     /// The response's status.
     pub(super) const fn status(&self) -> StatusCode {
         self.status

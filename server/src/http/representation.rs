@@ -39,6 +39,20 @@ pub(super) fn quoted(tag: &str) -> HeaderValue {
 }
 
 impl Representation {
+    /// Content in no coding, for requests with any headers, that never changes under its URL.
+    pub(super) fn immutable(body: Bytes, etag: HeaderValue, content_type: &'static str, is_public: bool) -> Self {
+        let cache_control = if is_public { IMMUTABLE } else { IMMUTABLE_PRIVATE };
+        let content_type = HeaderValue::from_static(content_type);
+        Self { body, content_type, etag, cache_control, encoding: None, vary: None }
+    }
+
+    /// As [`Self::immutable`], of content that may change.
+    pub(super) fn changing(body: Bytes, content_type: &'static str, is_public: bool) -> Self {
+        let cache_control = if is_public { REVALIDATE } else { REVALIDATE_PRIVATE };
+        let etag = etag_of(&body);
+        Self { cache_control, ..Self::immutable(body, etag, content_type, is_public) }
+    }
+
     /// The response to a GET or HEAD request with these headers.
     pub(super) fn respond(self, method: &Method, request: &HeaderMap) -> FullResponse {
         if !if_match(request, &self.etag) {
@@ -201,14 +215,8 @@ mod tests {
     #[test]
     fn if_match_compares_strongly() {
         let status = |value: &'static str, method: &Method| {
-            let representation = Representation {
-                body: Bytes::from_static(b"0123"),
-                content_type: HeaderValue::from_static("text/plain"),
-                etag: quoted("abc"),
-                cache_control: REVALIDATE,
-                encoding: None,
-                vary: None,
-            };
+            let body = Bytes::from_static(b"0123");
+            let representation = Representation::immutable(body, quoted("abc"), "text/plain", true);
             let headers = HeaderMap::from_iter([(header::IF_MATCH, HeaderValue::from_static(value))]);
             assert!(!is_unconditional(&headers));
             representation.respond(method, &headers).status()

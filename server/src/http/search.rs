@@ -7,7 +7,6 @@ use super::{
     computed_cache::ComputedBytes,
     fair_queue::{Shed, StopFlag},
     problem::Problem,
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
     work_queues::{RequestClient, WorkKind},
@@ -16,7 +15,7 @@ use crate::store::{CityStore, SearchFileError};
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    http::{HeaderMap, Method, Uri},
     response::Response,
 };
 use insula_objects::search::MAX_QUERY_CHARS;
@@ -75,14 +74,7 @@ pub(super) async fn search(
     };
     let found = state.work(WorkKind::Search).run(client, work).await.map_err(Shed::problem)?;
     let hits = found.map_err(|error| report_failure(&state, &city, &error))?;
-    let representation = Representation {
-        etag: hits.etag,
-        body: hits.body,
-        content_type: HeaderValue::from_static("application/json"),
-        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
-        encoding: None,
-        vary: None,
-    };
+    let representation = hits.immutable("application/json", access.is_public());
     Ok(representation.respond(&method, &headers).map(Body::from))
 }
 
@@ -94,10 +86,7 @@ fn report_failure(state: &AppState, city: &Arc<CityStore>, error: &SearchFileErr
     match error {
         SearchFileError::None { .. } => NO_INDEX,
         SearchFileError::Unreadable { .. } => Problem::unavailable("the search index cannot be read at the moment"),
-        SearchFileError::Damaged { .. } => {
-            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of the search index is damaged")
-                .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
-        }
+        SearchFileError::Damaged { .. } => Problem::damaged("the server's copy of the search index is damaged"),
     }
 }
 
@@ -135,6 +124,7 @@ pub(super) fn decode_text(value: &str, max_chars: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::http::StatusCode;
 
     #[test]
     fn queries_are_decoded_and_limited() {

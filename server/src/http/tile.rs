@@ -5,7 +5,7 @@
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
     problem::{NO_ROUTE, Problem},
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_unconditional, quoted},
+    representation::{Representation, is_unconditional, quoted},
     response::{FullResponse, with_cors},
     state::{AppState, MessageKind},
     thread_state::ThreadState,
@@ -15,7 +15,7 @@ use crate::store::CityStore;
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri, header, request::Parts},
+    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri, request::Parts},
     response::Response,
 };
 use bytes::Bytes;
@@ -129,15 +129,10 @@ impl RequestedTile {
     }
 
     fn prepare(&self, state: &AppState, body: Bytes) -> CachedTile {
-        let representation = Representation {
-            body,
-            content_type: HeaderValue::from_static("application/octet-stream"),
-            // The version is a hash of the city's content, so version, kind and id determine the bytes.
-            etag: etag(&self.city.manifest().version, self.key.kind, self.key.id),
-            cache_control: if self.access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
-            encoding: None,
-            vary: None,
-        };
+        // The version is a hash of the city's content, so version, kind and id determine the bytes.
+        let etag = etag(&self.city.manifest().version, self.key.kind, self.key.id);
+        let is_public = self.access.is_public();
+        let representation = Representation::immutable(body, etag, "application/octet-stream", is_public);
         let whole = representation.clone().respond(&Method::GET, &HeaderMap::new());
         let headers = whole.into_parts().0.headers;
         CachedTile { headers: if state.allows_any_origin() { with_cors(headers) } else { headers }, representation }
@@ -151,13 +146,27 @@ impl RequestedTile {
             tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
         }
         match error {
-            ReadError::Damaged(_) => {
-                Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of this tile is damaged")
-                    .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
-            }
+            ReadError::Damaged(_) => Problem::damaged("the server's copy of this tile is damaged"),
             _ => Problem::unavailable("this tile cannot be read at the moment"),
         }
     }
+}
+
+/// A city that the request may see. Fails with 401 without a required token, or 404.
+pub(super) fn find_city(
+    state: &AppState,
+    route: RouteTemplate,
+    name: &str,
+    uri: &Uri,
+    headers: &HeaderMap,
+) -> Result<(Arc<CityStore>, CityAccess), Problem> {
+    let catalog = state.catalog();
+    let city = catalog.store().city(name);
+    let version = city.map(|city| city.manifest().version.as_str());
+    let request = AccessRequest { route, city: name, version };
+    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+    let city = city.ok_or(Problem::not_found("there is no such city"))?;
+    Ok((Arc::clone(city), access))
 }
 
 /// A version of a city that the request may see. Fails with 401 without a required token, 404, or 410 if the city has other versions.

@@ -121,20 +121,12 @@ impl Hasher for KeyHasher {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::representation::{IMMUTABLE, quoted};
-    use axum::http::HeaderValue;
+    use crate::http::representation::quoted;
 
     #[test]
     fn evicts_least_recently_used_tiles_to_stay_below_its_size() {
         let tile = |bytes: usize| {
-            let representation = Representation {
-                body: vec![0; bytes].into(),
-                content_type: HeaderValue::from_static("x/y"),
-                etag: quoted("tag"),
-                cache_control: IMMUTABLE,
-                encoding: None,
-                vary: None,
-            };
+            let representation = Representation::immutable(vec![0; bytes].into(), quoted("tag"), "x/y", true);
             Arc::new(CachedTile { representation, headers: HeaderMap::new() })
         };
         let key = |x| TileCacheKey { serial: 1, kind: TileKind::BlockMap, id: TileId::new(9, x, 0).unwrap() };

@@ -3,21 +3,21 @@
 //! The addresses of files have the city's version, so that they are immutable; only `tileset.json` changes with the city.
 
 use super::{
-    access_control::{AccessRequest, CityAccess, Credentials},
+    access_control::CityAccess,
     computed_cache::{ComputedBytes, ComputedKey, TilesetFile},
     fair_queue::{Shed, StopFlag},
     page_response::share_query,
     problem::{NO_ROUTE, Problem},
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation},
+    representation::Representation,
     state::{AppState, MessageKind},
-    tile::{find_version, unknown_name},
+    tile::{find_city, find_version, unknown_name},
     work_queues::{RequestClient, WorkKind},
 };
 use crate::store::{CityStore, StoredCity};
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    http::{HeaderMap, Method, Uri},
     response::Response,
 };
 use insula_bake::read::EarthPlace;
@@ -57,22 +57,10 @@ pub(super) async fn tileset_file(
     let made = made.map_err(Shed::problem)?.map_err(|error| problem(&state, &city, error))?;
     let made = with_share_link(made, file, &access, &uri);
     let is_public = access.is_public();
-    let representation = Representation {
-        etag: made.etag,
-        body: made.body,
-        content_type: HeaderValue::from_static(match file {
-            TilesetFile::Root => "application/json",
-            TilesetFile::Node(TilesetFileKind::Subtree, _) => "application/octet-stream",
-            TilesetFile::Node(TilesetFileKind::Content, _) => "model/gltf-binary",
-        }),
-        cache_control: match (file, is_public) {
-            (TilesetFile::Root, true) => REVALIDATE,
-            (TilesetFile::Root, false) => REVALIDATE_PRIVATE,
-            (TilesetFile::Node(..), true) => IMMUTABLE,
-            (TilesetFile::Node(..), false) => IMMUTABLE_PRIVATE,
-        },
-        encoding: None,
-        vary: None,
+    let representation = match file {
+        TilesetFile::Root => Representation::changing(made.body, "application/json", is_public),
+        TilesetFile::Node(TilesetFileKind::Subtree, _) => made.immutable("application/octet-stream", is_public),
+        TilesetFile::Node(TilesetFileKind::Content, _) => made.immutable("model/gltf-binary", is_public),
     };
     Ok(representation.respond(&method, &headers).map(Body::from))
 }
@@ -98,13 +86,8 @@ fn requested(
 ) -> Result<(Arc<CityStore>, CityAccess, TilesetFile), Problem> {
     match Route::parse(uri.path()) {
         Ok(Route::Tileset { city: name }) => {
-            let catalog = state.catalog();
-            let city = catalog.store().city(name);
-            let version = city.map(|city| city.manifest().version.as_str());
-            let request = AccessRequest { route: RouteTemplate::Tileset, city: name, version };
-            let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
-            let city = city.ok_or(Problem::not_found("there is no such city"))?;
-            Ok((Arc::clone(city), access, TilesetFile::Root))
+            let (city, access) = find_city(state, RouteTemplate::Tileset, name, uri, headers)?;
+            Ok((city, access, TilesetFile::Root))
         }
         Ok(Route::TilesetFile { city, version, kind, id }) => {
             let (city, access) = find_version(state, RouteTemplate::TilesetFile, city, version, uri, headers)?;
@@ -144,11 +127,7 @@ fn problem(state: &AppState, city: &CityStore, error: FileError) -> Problem {
             if state.admits_message(MessageKind::TileFailure) {
                 tracing::error!(place = city.location(), reason, "cannot make a tile of the tileset");
             }
-            Problem::new(
-                StatusCode::INTERNAL_SERVER_ERROR,
-                "the server cannot make this file from its copy of the city",
-            )
-            .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+            Problem::damaged("the server cannot make this file from its copy of the city")
         }
     }
 }
