@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use glam::{DMat2, DVec2, DVec3};
 use insula_bake::{
     BakeOptions, Silent,
-    read::{Palette, PaletteMode, TerrainOptions},
+    read::{Palette, PaletteMode, ReadOptions, TerrainOptions},
     sample::SampleSettings,
     scene::{Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle},
 };
@@ -259,8 +259,11 @@ fn pictures_from_above_lie_where_they_belong() -> Result<()> {
     let options = BakeOptions {
         inputs: ["dem.asc", "photo.tif"].map(|name| folder.path.join(name)).into(),
         out: out.clone(),
-        palette: Palette { mode: PaletteMode::Source, ..Palette::default() },
-        terrain: TerrainOptions { texel_m: TEXEL_M, ..TerrainOptions::default() },
+        read: ReadOptions {
+            palette: Palette { mode: PaletteMode::Source, ..Palette::default() },
+            terrain: TerrainOptions { texel_m: TEXEL_M, ..TerrainOptions::default() },
+            ..ReadOptions::default()
+        },
         sample: SampleSettings { sky_directions: 16, low_directions: 16, ..SampleSettings::default() },
         ..BakeOptions::default()
     };

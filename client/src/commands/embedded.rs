@@ -7,7 +7,7 @@ use crate::{
 };
 use insula_bake::{
     BakeError, BakeOptions, GroundOption, Progress,
-    read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions},
+    read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions, ReadOptions},
     remove_damaged_city,
     sample::SampleSettings,
 };
@@ -181,9 +181,12 @@ pub(super) fn bake_cached(job: &BakeJob, cache: &CacheRoot, status: Option<&Star
         title: job.title.clone(),
         place: Some(first.to_owned()).filter(|first| !first.is_empty()),
         attribution: job.attribution.clone(),
-        palette: job.palette.clone(),
-        facades: job.facades,
-        placing: PlacingOptions { bbox_deg: job.bbox_deg, ..PlacingOptions::default() },
+        read: ReadOptions {
+            palette: job.palette.clone(),
+            facades: job.facades,
+            placing: PlacingOptions { bbox_deg: job.bbox_deg, ..PlacingOptions::default() },
+            ..ReadOptions::default()
+        },
         sample: job.views.map_or_else(SampleSettings::default, SampleSettings::with_views),
         ground: GroundOption::Auto,
         ..BakeOptions::default()

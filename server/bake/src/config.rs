@@ -15,14 +15,10 @@ use serde_json::Value;
 
 use crate::error::BakeError;
 use crate::ground::GroundOption;
-use crate::read::{
-    AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns, ObjUpAxis,
-    Palette, ProposalOptions, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
-};
+use crate::read::{FACADE_ALGORITHM, FacadeOption, NamePatterns, ReadOptions, named_paths};
 use crate::sample::SampleSettings;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::{ground, hash, mesh};
-use insula_place::PlacingOptions;
 use insula_source::source::read_file;
 
 /// Increased whenever the same scene and settings would give different tiles than before.
@@ -77,12 +73,10 @@ pub struct BakeOptions {
     pub update: bool,
     /// Reuse those of another city instead, which stays as it is.
     pub reuse: Option<PathBuf>,
-    /// What a proposal changes.
-    pub proposal: Option<ProposalOptions>,
     /// Continue an interrupted bake of the same input with the same settings.
     pub resume: bool,
-    /// Leave out inputs that cannot be read, or of which nothing is left, instead of failing.
-    pub skip_bad_inputs: bool,
+    /// How the inputs are read. The bake sets the size of cells, the level ground, the dropped attributes, and limits by its memory.
+    pub read: ReadOptions,
     /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
     pub name: Option<String>,
     /// Display name; `None` for the source's title, or else `place`.
@@ -91,35 +85,6 @@ pub struct BakeOptions {
     pub place: Option<String>,
     /// Attributions; empty for those of the sources.
     pub attribution: Vec<Attribution>,
-    /// The vertical axis of OBJ files.
-    pub obj_up: ObjUpAxis,
-    /// Kinds of objects that are read.
-    pub kinds: KindFilter,
-    /// Where the objects are, and where they go.
-    pub placing: PlacingOptions,
-    /// Attribute that has the heights of footprints, before the usual ones.
-    pub height_field: Option<String>,
-    /// Unit of heights in attributes that do not tell it; `None` for metres.
-    pub height_unit: Option<HeightUnit>,
-    /// Value of elevation models that marks missing heights besides the declared one.
-    pub nodata: Option<f64>,
-    /// How elevation models become terrain.
-    pub terrain: TerrainOptions,
-    /// Sources of which only streets, water and green are taken: they are painted on the ground, which must be terrain of an elevation
-    /// model, or generated.
-    pub streets: Vec<PathBuf>,
-    /// The land around the city.
-    pub surroundings: SurroundingsOptions,
-    /// What becomes of objects that two inputs have.
-    pub duplicates: DuplicateOption,
-    /// Reads inputs that are addresses; without it they are refused.
-    pub addresses: Option<&'static dyn AddressReader>,
-    /// Colours of surfaces, and what is done with those of the source.
-    pub palette: Palette,
-    /// Folders from which textures and material libraries may be read besides the source's own.
-    pub texture_roots: Vec<PathBuf>,
-    /// Whether links in folders of inputs are followed that lead out of them.
-    pub follow_links: bool,
     /// Sampling of leaves.
     pub sample: SampleSettings,
     /// Files whose content these options have, such as that of the palette: the bake replaces and removes none of them.
@@ -130,20 +95,12 @@ pub struct BakeOptions {
     pub meshes: bool,
     /// Whether ground is generated where the sources have none. The default is not.
     pub ground: GroundOption,
-    /// What walls without a texture get.
-    pub facades: FacadeOption,
     /// Patterns of the names of attributes that the city must not have, such as `owner*`.
     pub drop_attributes: Vec<String>,
     /// Names of the attributes whose texts can be searched, besides names, addresses and identifiers.
     pub search_attributes: Vec<String>,
     /// What people read instead of the names of attributes, and units of numbers.
     pub labels: Labels,
-    /// File that places landmarks in the city.
-    pub landmarks: Option<PathBuf>,
-    /// Whether the only input is the mesh of a monument without a city ([`crate::read::cell_of_monument`]).
-    pub is_monument: bool,
-    /// JSON text of its stone; `None` for its own colours.
-    pub stone: Option<String>,
     /// Whether to compute what can be seen from streets.
     pub street_sets: bool,
     /// Whether to draw the city's first view for lists and previews of links.
@@ -161,39 +118,20 @@ impl Default for BakeOptions {
             scratch_bytes: DEFAULT_SCRATCH_BYTES,
             update: false,
             reuse: None,
-            proposal: None,
             resume: false,
-            skip_bad_inputs: false,
+            read: ReadOptions::default(),
             name: None,
             title: None,
             place: None,
             attribution: Vec::new(),
-            obj_up: ObjUpAxis::default(),
-            kinds: KindFilter::default(),
-            placing: PlacingOptions::default(),
-            height_field: None,
-            height_unit: None,
-            nodata: None,
-            terrain: TerrainOptions::default(),
-            streets: Vec::new(),
-            surroundings: SurroundingsOptions::default(),
-            duplicates: DuplicateOption::default(),
-            addresses: None,
-            palette: Palette::default(),
-            texture_roots: Vec::new(),
-            follow_links: false,
             sample: SampleSettings::default(),
             named_files: Vec::new(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
             ground: GroundOption::default(),
-            facades: FacadeOption::default(),
             drop_attributes: Vec::new(),
             search_attributes: Vec::new(),
             labels: Labels::default(),
-            landmarks: None,
-            is_monument: false,
-            stone: None,
             street_sets: false,
             picture: false,
         }
@@ -205,10 +143,10 @@ impl BakeOptions {
     /// read, which the bake reports.
     #[must_use]
     pub fn read_paths(&self) -> Vec<PathBuf> {
-        let inputs = self.inputs.iter().chain(&self.surroundings.files).chain(&self.streets).chain(&self.reuse);
-        let others =
-            self.texture_roots.iter().chain(&self.placing.grids).chain(&self.landmarks).chain(&self.named_files);
-        let meshes = self.landmarks.iter().flat_map(|file| meshes_of(file).unwrap_or_default());
+        let ReadOptions { surroundings, streets, texture_roots, placing, landmarks, .. } = &self.read;
+        let inputs = self.inputs.iter().chain(&surroundings.files).chain(streets).chain(&self.reuse);
+        let others = texture_roots.iter().chain(&placing.grids).chain(landmarks).chain(&self.named_files);
+        let meshes = landmarks.iter().flat_map(|file| meshes_of(file).unwrap_or_default());
         inputs.flat_map(|input| named_paths(input)).chain(others.cloned()).chain(meshes).collect()
     }
 
@@ -235,29 +173,14 @@ fn default_memory(threads: usize) -> u64 {
 /// Validated options.
 #[derive(Debug, Clone)]
 pub(crate) struct BakeConfig {
-    pub(crate) out: PathBuf,
-    pub(crate) cell_m: f64,
+    /// With defaults and what follows from others in their places.
+    pub(crate) options: BakeOptions,
     pub(crate) threads: usize,
     memory_bytes: usize,
-    pub(crate) scratch_bytes: u64,
     /// The city whose unchanged blocks are reused, if there is one.
     pub(crate) previous: Option<PathBuf>,
-    pub(crate) resume: bool,
     pub(crate) name: String,
-    pub(crate) title: Option<String>,
     pub(crate) place: String,
-    pub(crate) attribution: Vec<Attribution>,
-    pub(crate) sample: SampleSettings,
-    pub(crate) quality: Quality,
-    pub(crate) meshes: bool,
-    pub(crate) ground: GroundOption,
-    pub(crate) dropped_attributes: NamePatterns,
-    pub(crate) searchable: Vec<String>,
-    pub(crate) labels: Labels,
-    /// Unit of heights that do not tell it; `None` for metres.
-    pub(crate) height_unit: Option<HeightUnit>,
-    pub(crate) street_sets: bool,
-    pub(crate) picture: bool,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -287,31 +210,28 @@ impl BakeConfig {
             let value = format!("{:?}", options.sample.visibility).to_lowercase();
             BakeError::Option { option: "--visibility", value, advice }
         })?;
-        Ok(Self {
-            // Without the `.` at the end of `city/.`, under which no folder can be renamed.
-            out: options.out.components().collect(),
-            cell_m,
+        let mut config = Self {
+            options: options.clone(),
             threads,
             memory_bytes: check_memory(options.memory_bytes, threads)?,
-            scratch_bytes: options.scratch_bytes,
             previous: options.reuse.clone().or_else(|| options.update.then(|| options.out.clone())),
-            resume: options.resume,
             name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,
-            title: options.title.clone(),
             place: place(options, &folder.to_string_lossy()),
-            attribution: options.attribution.clone(),
-            sample: options.sample.clone(),
-            quality: options.quality,
-            meshes: options.meshes,
-            ground: options.ground,
-            dropped_attributes: check_patterns(&options.drop_attributes)?,
-            searchable: options.search_attributes.clone(),
-            labels: options.labels.clone(),
-            height_unit: options.height_unit,
-            street_sets: options.street_sets,
-            picture: options.picture,
             settings: hash_settings(options)?,
-        })
+        };
+        // Without the `.` at the end of `city/.`, under which no folder can be renamed.
+        config.options.out = options.out.components().collect();
+        config.options.read = ReadOptions {
+            cell_m,
+            level_ground: options.ground == GroundOption::Auto,
+            dropped_attributes: check_patterns(&options.drop_attributes)?,
+            max_document_bytes: config.max_document_bytes().min(options.read.max_document_bytes),
+            max_line_bytes: config.max_line_bytes().min(options.read.max_line_bytes),
+            // All allocations of a bake have a limit.
+            max_held_bytes: u64::MAX,
+            ..options.read.clone()
+        };
+        Ok(config)
     }
 
     /// Threads for the bake's work. Fails if the system cannot start them.
@@ -319,41 +239,6 @@ impl BakeConfig {
         let threads = self.threads;
         let built = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("bake-{i}")).build();
         built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
-    }
-
-    /// How the inputs are read.
-    pub(crate) fn read_options(&self, options: &BakeOptions) -> ReadOptions {
-        let defaults = ReadOptions::default();
-        ReadOptions {
-            obj_up: options.obj_up,
-            palette: options.palette.clone(),
-            texture_roots: options.texture_roots.clone(),
-            follow_links: options.follow_links,
-            cell_m: self.cell_m,
-            facades: options.facades,
-            skip_bad_inputs: options.skip_bad_inputs,
-            kinds: options.kinds.clone(),
-            placing: options.placing.clone(),
-            height_field: options.height_field.clone(),
-            height_unit: options.height_unit,
-            nodata: options.nodata,
-            terrain: options.terrain,
-            level_ground: options.ground == GroundOption::Auto,
-            streets: options.streets.clone(),
-            surroundings: options.surroundings.clone(),
-            duplicates: options.duplicates,
-            addresses: options.addresses,
-            dropped_attributes: self.dropped_attributes.clone(),
-            landmarks: options.landmarks.clone(),
-            is_monument: options.is_monument,
-            stone: options.stone.clone(),
-            proposal: options.proposal.clone(),
-            max_document_bytes: self.max_document_bytes().min(defaults.max_document_bytes),
-            max_line_bytes: self.max_line_bytes().min(defaults.max_line_bytes),
-            // All allocations of a bake have a limit.
-            max_held_bytes: u64::MAX,
-            ..defaults
-        }
     }
 
     /// Size of the partition's write buffers together.
@@ -500,7 +385,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
         },
         meshes: options.meshes.then_some(mesh::ALGORITHM),
         ground: (options.ground == GroundOption::Auto).then_some(ground::ALGORITHM),
-        facades: (options.facades == FacadeOption::Windows).then_some(FACADE_ALGORITHM),
+        facades: (options.read.facades == FacadeOption::Windows).then_some(FACADE_ALGORITHM),
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",
@@ -532,15 +417,16 @@ mod tests {
         let folder = TestFolder::new("read-paths");
         let path = |name: &str| folder.path.join(name);
         std::fs::write(path("l.json"), r#"{"landmarks":[{"mesh":"work/a.obj"},{"mesh":"b.ply"},{}]}"#).unwrap();
+        let landmarks = |name: &str| ReadOptions { landmarks: Some(path(name)), ..ReadOptions::default() };
         let options = BakeOptions {
             inputs: vec![path("a.gml")],
-            landmarks: Some(path("l.json")),
+            read: landmarks("l.json"),
             named_files: vec![path("p.json")],
             ..options()
         };
         let expected = ["a.gml", "l.json", "p.json", "work/a.obj", "b.ply"].map(path);
         assert_eq!(options.read_paths(), expected);
-        let missing = BakeOptions { landmarks: Some(path("none.json")), ..options };
+        let missing = BakeOptions { read: landmarks("none.json"), ..options };
         assert_eq!(missing.read_paths(), ["a.gml", "none.json", "p.json"].map(path));
     }
 
@@ -552,7 +438,8 @@ mod tests {
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
         assert_ne!(hash(&BakeOptions { meshes: false, ..options() }), base);
         assert_ne!(hash(&BakeOptions { ground: GroundOption::Auto, ..options() }), base);
-        assert_ne!(hash(&BakeOptions { facades: FacadeOption::Windows, ..options() }), base);
+        let read = ReadOptions { facades: FacadeOption::Windows, ..ReadOptions::default() };
+        assert_ne!(hash(&BakeOptions { read, ..options() }), base);
         let title = Some("Den Haag".to_owned());
         assert_eq!(
             hash(&BakeOptions {

@@ -17,8 +17,8 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         AxisOrders, AxisRule, DuplicateOption, EarthPlace, FacadeOption, FeatureKind, HeightUnit, InputError,
-        KindFilter, NamePatterns, ObjUpAxis, Palette, PlacingOptions, ProposalOptions, ReadReport, SurroundingsOptions,
-        TerrainOptions, cell_of_monument,
+        KindFilter, NamePatterns, ObjUpAxis, Palette, PlacingOptions, ProposalOptions, ReadOptions, ReadReport,
+        SurroundingsOptions, TerrainOptions, cell_of_monument,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -135,7 +135,7 @@ fn kinds(names: &[String]) -> Result<Vec<FeatureKind>, CommandError> {
 }
 
 /// The kinds that are read. Fails if one does not exist, or if none is left.
-pub(super) fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
+fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
     let filter = KindFilter { only: kinds(&args.only)?, skip: kinds(&args.skip)? };
     if !FeatureKind::NAMES.iter().any(|(_, kind)| filter.contains(*kind)) {
         return Err(CommandError::Usage("--only and --skip leave no kind of objects".to_owned()));
@@ -144,7 +144,7 @@ pub(super) fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
 }
 
 /// Coordinate systems and places. Fails if an order of coordinates is none.
-pub(super) fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
+fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
     let rules: Result<Vec<AxisRule>, String> = args.axis_order.iter().map(|text| text.parse()).collect();
     let rules = rules.map_err(|error| CommandError::Usage(format!("--axis-order {error}")))?;
     Ok(PlacingOptions {
@@ -158,24 +158,29 @@ pub(super) fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
     })
 }
 
-/// Unit of heights in attributes that do not tell it.
-pub(super) fn height_unit(args: &ReadArgs) -> Option<HeightUnit> {
-    args.height_unit.map(|unit| match unit {
-        LengthUnit::M => HeightUnit::Metre,
-        LengthUnit::Dm => HeightUnit::Decimetre,
-        LengthUnit::Cm => HeightUnit::Centimetre,
-        LengthUnit::Mm => HeightUnit::Millimetre,
-        LengthUnit::Ft => HeightUnit::Foot,
+/// How inputs are read, of which `inspect` asks for no more. Fails if a kind or an order of coordinates is none.
+pub(super) fn read_options(args: &ReadArgs) -> Result<ReadOptions, CommandError> {
+    Ok(ReadOptions {
+        kinds: kind_filter(args)?,
+        placing: placing(args)?,
+        height_field: args.height_field.clone(),
+        height_unit: args.height_unit.map(|unit| match unit {
+            LengthUnit::M => HeightUnit::Metre,
+            LengthUnit::Dm => HeightUnit::Decimetre,
+            LengthUnit::Cm => HeightUnit::Centimetre,
+            LengthUnit::Mm => HeightUnit::Millimetre,
+            LengthUnit::Ft => HeightUnit::Foot,
+        }),
+        nodata: args.nodata,
+        duplicates: match args.prefer {
+            Some(Preference::Lod) => DuplicateOption::KeepBestLevel,
+            None if args.keep_duplicates => DuplicateOption::KeepAll,
+            None => DuplicateOption::KeepFirst,
+        },
+        addresses: Some(Addresses::new(&args.allow_host)),
+        follow_links: args.follow_links,
+        ..ReadOptions::default()
     })
-}
-
-/// What becomes of objects that two inputs have.
-pub(super) fn duplicates(args: &ReadArgs) -> DuplicateOption {
-    match args.prefer {
-        Some(Preference::Lod) => DuplicateOption::KeepBestLevel,
-        None if args.keep_duplicates => DuplicateOption::KeepAll,
-        None => DuplicateOption::KeepFirst,
-    }
 }
 
 /// The files of the palette, the labels and the stone, whose content becomes part of the options.
@@ -224,34 +229,44 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         return Err(CommandError::Bake("--stone needs one mesh as the only input; use --landmarks in a city".into()));
     }
     let cell_m = args.cell.or(monument.filter(|_| is_monument)).unwrap_or(1.0);
+    let terrain = TerrainOptions {
+        error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),
+        margin_m: args.terrain_margin,
+        texel_m: args.ground_texel,
+        tolerance_m: args.terrain_tolerance,
+    };
+    let surroundings = SurroundingsOptions { files: args.surroundings.clone(), reach_m: args.surroundings_reach * 1e3 };
     Ok(BakeOptions {
-        kinds: kind_filter(&args.read)?,
-        placing: placing(&args.read)?,
-        height_field: args.read.height_field.clone(),
-        height_unit: height_unit(&args.read),
-        nodata: args.read.nodata,
+        read: ReadOptions {
+            landmarks: args.landmarks.clone(),
+            is_monument,
+            stone,
+            terrain,
+            streets: args.streets.clone(),
+            surroundings,
+            facades: match args.facades {
+                GeneratedFacades::Plain => FacadeOption::Plain,
+                GeneratedFacades::Windows => FacadeOption::Windows,
+            },
+            skip_bad_inputs: args.skip_bad_inputs,
+            obj_up: match args.obj_up {
+                UpAxis::Z => ObjUpAxis::Z,
+                UpAxis::Y => ObjUpAxis::Y,
+            },
+            palette,
+            texture_roots: args.texture_root.clone(),
+            proposal: proposal(args)?,
+            ..read_options(&args.read)?
+        },
         drop_attributes: args.read.drop.clone(),
         search_attributes: args.read.search.clone(),
         labels: labels_of(args)?,
-        duplicates: duplicates(&args.read),
-        addresses: Some(Addresses::new(&args.read.allow_host)),
         inputs: args.inputs.clone(),
         out: args.out.clone(),
         cell_m,
-        landmarks: args.landmarks.clone(),
-        is_monument,
         // Nobody walks in the streets of a statue.
         street_sets: !args.no_street_sets && !is_monument,
         picture: !args.no_picture,
-        stone,
-        terrain: TerrainOptions {
-            error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),
-            margin_m: args.terrain_margin,
-            texel_m: args.ground_texel,
-            tolerance_m: args.terrain_tolerance,
-        },
-        streets: args.streets.clone(),
-        surroundings: SurroundingsOptions { files: args.surroundings.clone(), reach_m: args.surroundings_reach * 1e3 },
         quality: args.quality,
         meshes: !args.no_meshes,
         ground: match args.ground {
@@ -260,30 +275,17 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
         },
-        facades: match args.facades {
-            GeneratedFacades::Plain => FacadeOption::Plain,
-            GeneratedFacades::Windows => FacadeOption::Windows,
-        },
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory.or((args.landmarks.is_some() || is_monument).then_some(MEMORY_OF_SCANS)),
         scratch_bytes: args.scratch,
         update: args.update,
         reuse: args.reuse.clone(),
-        proposal: proposal(args)?,
         resume: args.resume,
-        skip_bad_inputs: args.skip_bad_inputs,
         name: args.name.clone(),
         title: args.title.clone(),
         place: None,
         attribution: attribution(args),
-        obj_up: match args.obj_up {
-            UpAxis::Z => ObjUpAxis::Z,
-            UpAxis::Y => ObjUpAxis::Y,
-        },
-        palette,
         named_files: named_files(args),
-        texture_roots: args.texture_root.clone(),
-        follow_links: args.read.follow_links,
         sample: SampleSettings {
             visibility: match args.visibility {
                 VisibilityRenderer::Cpu => VisibilityBackend::Cpu,
@@ -418,18 +420,19 @@ mod tests {
         let options = options(&args, Palette::default()).unwrap();
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
-        assert!(!options.meshes && options.skip_bad_inputs);
-        assert_eq!((options.ground, options.facades), (GroundOption::Auto, FacadeOption::Windows));
+        let read = &options.read;
+        assert!(!options.meshes && read.skip_bad_inputs);
+        assert_eq!((options.ground, read.facades), (GroundOption::Auto, FacadeOption::Windows));
         assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
-        assert_eq!(options.obj_up, ObjUpAxis::Y);
-        let PlacingOptions { crs, at, bbox_deg, axis_orders, .. } = &options.placing;
+        assert_eq!(read.obj_up, ObjUpAxis::Y);
+        let PlacingOptions { crs, at, bbox_deg, axis_orders, .. } = &read.placing;
         assert_eq!(*axis_orders, AxisOrders::new(["ne", "a/*=en"].map(|text| text.parse().unwrap())));
         assert_eq!((crs.as_deref(), *at), (Some("EPSG:25832"), Some([4.3, -52.0, 3.0])));
         assert_eq!(*bbox_deg, Some([-1.0, 2.0, 3.0, 4.0]));
-        assert!(options.kinds.contains(FeatureKind::BuildingPart) && !options.kinds.contains(FeatureKind::Road));
-        assert_eq!((options.height_field.as_deref(), options.duplicates), (Some("H"), DuplicateOption::KeepBestLevel));
-        assert_eq!((options.height_unit, options.nodata), (Some(HeightUnit::Foot), Some(-32767.0)));
+        assert!(read.kinds.contains(FeatureKind::BuildingPart) && !read.kinds.contains(FeatureKind::Road));
+        assert_eq!((read.height_field.as_deref(), read.duplicates), (Some("H"), DuplicateOption::KeepBestLevel));
+        assert_eq!((read.height_unit, read.nodata), (Some(HeightUnit::Foot), Some(-32767.0)));
         let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
         assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
     }

@@ -1,8 +1,7 @@
 //! `inspect` of city files: kinds, counts, levels of detail, extent, coordinate system and attributes, before a bake.
 
 use super::{
-    addresses::Addresses,
-    bake::{duplicates, height_unit, kind_filter, placing, unknown_names},
+    bake::{read_options, unknown_names},
     error::CommandError,
     interrupt,
     output::{print, print_json},
@@ -36,18 +35,7 @@ pub(super) fn is_input(path: &Path) -> bool {
 
 /// Reads the input and prints what it contains. Fails if a bake would.
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
-    let options = ReadOptions {
-        kinds: kind_filter(&args.read)?,
-        placing: placing(&args.read)?,
-        height_field: args.read.height_field.clone(),
-        height_unit: height_unit(&args.read),
-        nodata: args.read.nodata,
-        duplicates: duplicates(&args.read),
-        addresses: Some(Addresses::new(&args.read.allow_host)),
-        follow_links: args.read.follow_links,
-        skip_bad_inputs: true,
-        ..ReadOptions::default()
-    };
+    let options = ReadOptions { skip_bad_inputs: true, ..read_options(&args.read)? };
     // Which removes the copies of unpacked inputs.
     interrupt::watch(None, || {}, || {});
     let last = Cell::new(Instant::now());

@@ -111,6 +111,6 @@ pub(super) fn encode_node<'a>(
     if z_min_m > z_max_m {
         [z_min_m, z_max_m] = round_outward([map.z_base_m(); 2]);
     }
-    let bytes = map.encode_at(config.quality).map_err(BakeError::tile(id, "encoded"))?;
+    let bytes = map.encode_at(config.options.quality).map_err(BakeError::tile(id, "encoded"))?;
     Ok(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children })
 }

@@ -115,7 +115,8 @@ impl<'a> FarLand<'a> {
         if scene.triangles.is_empty() {
             return Ok(None);
         }
-        let sample = SampleSettings { visibility: config.sample.visibility, ..SampleSettings::with_views(VIEWS) };
+        let sample =
+            SampleSettings { visibility: config.options.sample.visibility, ..SampleSettings::with_views(VIEWS) };
         let mut leaves = encode_leaves(scene, &grid, config, &sample, &[id], false)?;
         Ok(leaves.tiles.pop())
     }

@@ -60,7 +60,7 @@ pub fn bake_generated(
     progress: &dyn Progress,
 ) -> Result<Manifest, BakeError> {
     let config = BakeConfig::new(options)?;
-    let mut scratch = ScratchFolder::lock(&config.out)?;
+    let mut scratch = ScratchFolder::lock(&config.options.out)?;
     scratch.prepare(&InputHashes { settings: config.settings.clone(), scene: generated.rule.clone() }, false)?;
     let packs = scratch.packs();
     let grid = &generated.grid;
@@ -77,7 +77,7 @@ pub fn bake_generated(
         })?;
         tree.set(level, done.into_iter().flatten().collect());
         if tree.level(level).is_empty() {
-            return Err(BakeError::Empty { triangles: 0, cell_m: config.cell_m });
+            return Err(BakeError::Empty { triangles: 0, cell_m: config.options.cell_m });
         }
     }
     let facts = SceneFacts {

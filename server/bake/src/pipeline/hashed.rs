@@ -95,7 +95,7 @@ impl HashedPartition {
         square: BlockSquare,
         advance: impl Fn(u64),
     ) -> Result<Self, BakeError> {
-        let margin_m = config.sample.margin_m;
+        let margin_m = config.options.sample.margin_m;
         let (buffer_bytes, max_blocks) = (config.bucket_bytes(), config.max_blocks());
         let options = PartitionOptions { folder, square, margin_m, buffer_bytes, max_blocks, budget };
         let partition = Partition::new(city, grid, options, advance)?;

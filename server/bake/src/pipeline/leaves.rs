@@ -84,7 +84,7 @@ impl LeafBaker<'_> {
                 None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
             };
             // Written before the tiles: a resumed bake that finds the tiles also finds the meshes.
-            let meshes = if config.meshes { mesh_pack::write(packs, pack, &block.meshes)? } else { Vec::new() };
+            let meshes = if config.options.meshes { mesh_pack::write(packs, pack, &block.meshes)? } else { Vec::new() };
             FinishedPack { tiles: tile_pack::write(packs, pack, &block.tiles)?, meshes, outcome }
         };
         finished.tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
@@ -98,7 +98,7 @@ impl LeafBaker<'_> {
     fn find_resumed(&self, pack: PackId) -> Option<(Vec<StoredTile>, Vec<StoredMesh>)> {
         let TileContext { config, packs, .. } = *self.context;
         let tiles = self.context.find_resumed(pack)?;
-        let meshes = if config.meshes { mesh_pack::find(packs, pack)? } else { Vec::new() };
+        let meshes = if config.options.meshes { mesh_pack::find(packs, pack)? } else { Vec::new() };
         Some((tiles, meshes))
     }
 
@@ -106,7 +106,7 @@ impl LeafBaker<'_> {
         let TileContext { grid, config, .. } = *self.context;
         let scene = BlockScene::load(self.partition, self.city, block, grid)?.into_scene(self.city)?;
         let grid = grid.around_block([block.x, block.y]);
-        encode_leaves(scene, &grid, config, &config.sample, leaves, config.meshes)
+        encode_leaves(scene, &grid, config, &config.options.sample, leaves, config.options.meshes)
     }
 }
 
@@ -129,8 +129,11 @@ pub(super) fn encode_leaves(
     nodes.sort_unstable_by_key(|node| node.id);
     let mesh = |node: &VoxelNode| {
         // Columns show plain ground as exactly.
-        let lods =
-            if node.has_columns() { mesh::leaf_lods(&scene, grid, node.id, config.quality)? } else { Vec::new() };
+        let lods = if node.has_columns() {
+            mesh::leaf_lods(&scene, grid, node.id, config.options.quality)?
+        } else {
+            Vec::new()
+        };
         Ok(LeafMesh { id: node.id, lods })
     };
     let meshes = if has_meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };

@@ -61,18 +61,17 @@ use update::PreviousCity;
 /// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
-    check_place(&config.out, "--out", KeptFolder::City)?;
-    check_inputs(&[config.out.clone(), scratch_folder(&config.out)], "--out", options)?;
+    check_place(&config.options.out, "--out", KeptFolder::City)?;
+    check_inputs(&[config.options.out.clone(), scratch_folder(&config.options.out)], "--out", options)?;
     let bake = || {
         let mut run = BakeRun::new(&config, progress)?;
-        let (city, surroundings, read) = run.read(options)?;
+        let (city, surroundings, read) = run.read()?;
         run.bake(city, surroundings.as_ref(), read)
     };
-    bake().map_err(|error| error.of_bake(&config.out))
+    bake().map_err(|error| error.of_bake(&config.options.out))
 }
 
-/// Bakes a scene that is in memory. `options.inputs`, `obj_up`, `palette` and `facades` are not
-/// used. Fails as [`bake`] does.
+/// Bakes a scene that is in memory. `options.inputs` and `options.read` are not used. Fails as [`bake`] does.
 pub fn bake_scene(
     scene: Scene,
     read_report: ReadReport,
@@ -81,7 +80,7 @@ pub fn bake_scene(
 ) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
     let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, None, read_report);
-    bake().map_err(|error| error.of_bake(&config.out))
+    bake().map_err(|error| error.of_bake(&config.options.out))
 }
 
 /// Numbers the city's objects, and returns what is known of each number. Fails if what is known of the objects cannot be read or
@@ -109,14 +108,14 @@ struct BakeRun<'a> {
 
 impl<'a> BakeRun<'a> {
     fn new(config: &'a BakeConfig, progress: &'a dyn Progress) -> Result<Self, BakeError> {
-        let scratch = ScratchFolder::lock(&config.out)?;
-        let (pool, budget) = (config.thread_pool()?, ScratchBudget::new(config.scratch_bytes));
+        let scratch = ScratchFolder::lock(&config.options.out)?;
+        let (pool, budget) = (config.thread_pool()?, ScratchBudget::new(config.options.scratch_bytes));
         Ok(Self { config, progress, scratch, budget, pool, clock: StageClock::new() })
     }
 
     /// Reads the inputs into the scratch folder.
-    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, Option<FarModels>, ReadReport), BakeError> {
-        let read_options = self.config.read_options(options);
+    fn read(&mut self) -> Result<(ScratchScene, Option<FarModels>, ReadReport), BakeError> {
+        let options = &self.config.options;
         let folder = self.scratch.scene_folder()?;
         let texture_cache_bytes = self.config.texture_cache_bytes();
         let scratch = ScratchOptions { folder: &folder, texture_cache_bytes, budget: &self.budget };
@@ -129,7 +128,7 @@ impl<'a> BakeRun<'a> {
             self.progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
         };
         let (city, surroundings, report) =
-            self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))?;
+            self.clock.time("read", || read::read_to_disk(&options.inputs, &options.read, scratch, &tick))?;
         for BadInput { path, reason } in &report.bad_inputs {
             self.progress.warn(&format!("{path}: left out: {reason}"));
         }
@@ -154,14 +153,14 @@ impl<'a> BakeRun<'a> {
         read: ReadReport,
     ) -> Result<BakeReport, BakeError> {
         let Some(bounds) = city.bounds else {
-            return Err(BakeError::Empty { triangles: 0, cell_m: self.config.cell_m });
+            return Err(BakeError::Empty { triangles: 0, cell_m: self.config.options.cell_m });
         };
         let mut facts = SceneFacts::new(&city, bounds)?;
         // Where the land goes on, there are no gaps to fill.
         let ground = if surroundings.is_some() { None } else { self.ground(&mut city)? };
         facts.set_ground(ground.as_ref());
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
-        let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.cell_m)?;
+        let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.options.cell_m)?;
         let previous = self.open_previous();
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
@@ -182,7 +181,7 @@ impl<'a> BakeRun<'a> {
         let merged = tiles.tree.merge_plain_nodes();
         let fingerprints = partition.fingerprints_without(&merged);
         let tree = &tiles.tree;
-        let searchable = config.searchable.clone();
+        let searchable = config.options.search_attributes.clone();
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
         let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;
@@ -198,11 +197,11 @@ impl<'a> BakeRun<'a> {
 
     /// Adds generated ground to the city, if it is wanted.
     fn ground(&mut self, city: &mut ScratchScene) -> Result<Option<GroundReport>, BakeError> {
-        if self.config.ground == GroundOption::None {
+        if self.config.options.ground == GroundOption::None {
             return Ok(None);
         }
         self.progress.stage("ground", 0);
-        self.clock.time("ground", || ground::add(city, self.config.cell_m))
+        self.clock.time("ground", || ground::add(city, self.config.options.cell_m))
     }
 
     /// Sorts the triangles into blocks and hashes each block's input.
@@ -236,10 +235,10 @@ impl<'a> BakeRun<'a> {
     ) -> Result<ResumeStatus, BakeError> {
         let scene = partition.scene_hash(surroundings);
         let input = InputHashes { settings: self.config.settings.clone(), scene };
-        let status = self.scratch.prepare(&input, self.config.resume)?;
-        let out = self.config.out.display();
+        let status = self.scratch.prepare(&input, self.config.options.resume)?;
+        let out = self.config.options.out.display();
         match status {
-            ResumeStatus::Fresh if self.config.resume => {
+            ResumeStatus::Fresh if self.config.options.resume => {
                 tracing::info!("{out}: no interrupted bake found, starting a new one");
             }
             ResumeStatus::Fresh => {}
@@ -267,7 +266,7 @@ impl<'a> BakeRun<'a> {
         let packs = self.clock.time("sample", || baker.bake_all(&self.pool, hashes))?;
         tiles.add_level(depth, packs);
         if tiles.tree.level(depth).is_empty() {
-            return Err(BakeError::Empty { triangles: city.triangles as usize, cell_m: self.config.cell_m });
+            return Err(BakeError::Empty { triangles: city.triangles as usize, cell_m: self.config.options.cell_m });
         }
         Ok(())
     }

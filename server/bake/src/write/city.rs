@@ -238,11 +238,11 @@ pub(crate) fn write_others(
     let mut manifest = build_manifest(&input, standing.as_ref());
     let search_index = search.map(|_| search::checksum(&folder.join(SEARCH_FILE))).transpose()?;
     manifest.marks = Some(CityMarks { search_index });
-    let Attributions { all, filled_in } = Attributions::new(&input.config.attribution, input.read);
+    let Attributions { all, filled_in } = Attributions::new(&input.config.options.attribution, input.read);
     manifest.attribution = all;
     manifest.counts.buildings = Some(buildings);
     manifest.sea = sea::ends((input.tree, input.grid), [manifest.origin[0], manifest.origin[1]], &sea, tiles)?;
-    if input.config.street_sets
+    if input.config.options.street_sets
         && let Some(sets) =
             write_street_sets(&input, visibility::extent(&manifest, terminals), tiles, folder, progress)?
     {
@@ -259,7 +259,7 @@ pub(crate) fn write_others(
     write_synced(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
-    if input.config.picture {
+    if input.config.options.picture {
         progress.stage("picture", 0);
         // A city is complete without its picture.
         match thumbnail::write(folder, input.tree, tiles, &manifest, &input.config.thread_pool()?) {
@@ -272,10 +272,10 @@ pub(crate) fn write_others(
 
 /// Gives attributes their labels and units. Warns of labels without effect.
 fn label(schema: &mut Schema, input: &CityInput<'_>, progress: &dyn Progress) {
-    for unused in schema.set_labels(&input.config.labels) {
+    for unused in schema.set_labels(&input.config.options.labels) {
         progress.warn(&printable(&format!("labels: {unused}")));
     }
-    schema.set_known_units(input.config.height_unit.unwrap_or(HeightUnit::Metre).symbol());
+    schema.set_known_units(input.config.options.read.height_unit.unwrap_or(HeightUnit::Metre).symbol());
 }
 
 /// Writes the archive of subtrees. They are encoded by all threads, some at a time.
@@ -343,7 +343,7 @@ fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifes
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
-        title: config.title.clone().or_else(source_title).unwrap_or_else(|| config.place.clone()),
+        title: config.options.title.clone().or_else(source_title).unwrap_or_else(|| config.place.clone()),
         version: String::new(),
         crs,
         origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),

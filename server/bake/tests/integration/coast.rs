@@ -192,7 +192,8 @@ fn a_coast_and_painted_streets_are_the_same_in_steps() {
     let inputs = vec![file("coast.osm", &map())];
     let streets = vec![file("streets.osm", &map().replace("residential", "primary"))];
     for (name, streets) in [("coast", Vec::new()), ("streets", streets)] {
-        let options = BakeOptions { streets, cell_m: 8.0, ..options(inputs.clone()) };
+        let mut options = BakeOptions { cell_m: 8.0, ..options(inputs.clone()) };
+        options.read.streets = streets;
         let folder = folder.path.join(name);
         let plain = plain(&folder, &options);
         let work = folder.join("work");

@@ -3,7 +3,10 @@
 use std::{collections::BTreeMap, fmt::Write, fs, path::Path};
 
 use super::support::files;
-use insula_bake::{BakeOptions, BakeReport, Silent, bake, read::FacadeOption};
+use insula_bake::{
+    BakeOptions, BakeReport, Silent, bake,
+    read::{FacadeOption, ReadOptions},
+};
 use insula_protocol::Manifest;
 use insula_test_support::folder::TestFolder;
 
@@ -40,7 +43,8 @@ fn bake_with(folder: &TestFolder, run: &str, options: BakeOptions) -> (BakeRepor
 }
 
 fn windows(threads: usize) -> BakeOptions {
-    BakeOptions { facades: FacadeOption::Windows, threads: Some(threads), ..BakeOptions::default() }
+    let read = ReadOptions { facades: FacadeOption::Windows, ..ReadOptions::default() };
+    BakeOptions { read, threads: Some(threads), ..BakeOptions::default() }
 }
 
 #[test]
@@ -72,6 +76,6 @@ fn facades_do_not_depend_on_threads_and_update_follows_the_option() {
     let (unchanged, same) = bake_with(&folder, "one", again.clone());
     assert!(same == one && unchanged.blocks_baked == 0, "{} blocks", unchanged.blocks_baked);
     let (_, plain) = bake_with(&folder, "plain", BakeOptions::default());
-    let (changed, now_plain) = bake_with(&folder, "one", BakeOptions { facades: FacadeOption::Plain, ..again });
+    let (changed, now_plain) = bake_with(&folder, "one", BakeOptions { read: ReadOptions::default(), ..again });
     assert!(now_plain == plain && changed.blocks_unchanged == 0);
 }

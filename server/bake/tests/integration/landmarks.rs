@@ -9,7 +9,7 @@ use std::{
 };
 
 use super::support::{BakedCity, options};
-use insula_bake::{BakeOptions, GroundOption, sample::SampleSettings};
+use insula_bake::{BakeOptions, GroundOption, read::ReadOptions, sample::SampleSettings};
 use insula_protocol::{MeshTile, TileId, mesh_tile};
 use insula_test_support::{folder::TestFolder, tier};
 
@@ -59,7 +59,7 @@ fn scan(steps: u32) -> String {
 fn bake_landmarks(folder: &TestFolder, ground: GroundOption, threads: usize) -> BakedCity {
     let options = BakeOptions {
         inputs: vec!["town.obj".into()],
-        landmarks: Some(folder.path.join("landmarks.json")),
+        read: ReadOptions { landmarks: Some(folder.path.join("landmarks.json")), ..ReadOptions::default() },
         cell_m: 0.5,
         sample: SampleSettings::default(),
         ground,
@@ -232,7 +232,8 @@ fn faults_name_the_file_and_the_landmark() {
         let file = folder.path.join("landmarks.json");
         fs::write(&file, text).unwrap();
         let (inputs, out) = (vec![folder.path.join("town.obj")], folder.path.join("out"));
-        let options = BakeOptions { inputs, landmarks: Some(file), ..options(&out, 2) };
+        let read = ReadOptions { landmarks: Some(file), ..ReadOptions::default() };
+        let options = BakeOptions { inputs, read, ..options(&out, 2) };
         let error = insula_bake::bake(&options, &insula_bake::Silent).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
         assert!(!out.exists());

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, fmt::Write, fs, path::Path};
 
 use insula_bake::{
     BakeOptions, BakeReport, Silent, bake,
-    read::{Palette, read},
+    read::{Palette, ReadOptions, read},
 };
 use insula_test_support::folder::TestFolder;
 
@@ -42,7 +42,7 @@ fn bake_with(folder: &Path, mode: &str) -> BakeReport {
     let options = BakeOptions {
         inputs: vec![folder.join("city.obj")],
         out: folder.join(mode),
-        palette: Palette::from_option(Path::new(mode)).unwrap(),
+        read: ReadOptions { palette: Palette::from_option(Path::new(mode)).unwrap(), ..ReadOptions::default() },
         threads: Some(2),
         ..BakeOptions::default()
     };

@@ -15,7 +15,7 @@ use super::support::{FEW_VIEWS, files};
 use insula_bake::{
     BakeError, BakeOptions, BakeStage, BakeSteps, GroundOption, Job, JobRequest, Progress, Silent, WorkFolder,
     WorkStore,
-    read::{FacadeOption, SurroundingsOptions, TerrainOptions},
+    read::{FacadeOption, ReadOptions, SurroundingsOptions, TerrainOptions},
     sample::SampleSettings,
 };
 use insula_test_support::{folder::TestFolder, rng::Rng, tier};
@@ -51,7 +51,7 @@ pub(crate) fn options(inputs: Vec<PathBuf>) -> BakeOptions {
         out: "town".into(),
         cell_m: 2.0,
         ground: GroundOption::Auto,
-        facades: FacadeOption::Windows,
+        read: ReadOptions { facades: FacadeOption::Windows, ..ReadOptions::default() },
         threads: Some(2),
         sample: SampleSettings::with_views(FEW_VIEWS),
         ..BakeOptions::default()
@@ -156,7 +156,7 @@ fn photos_and_formats_of_all_kinds_give_the_bytes_of_a_plain_bake() {
     let mut inputs = write_town(&folder.path, [139.737, 35.257], 2);
     inputs.insert(1, data.join("yokosuka/52397519_bldg_6697_op.gml.gz"));
     inputs.push(write_sequence(&folder.path));
-    let options = BakeOptions { cell_m: 4.0, facades: FacadeOption::Plain, ..options(inputs) };
+    let options = BakeOptions { cell_m: 4.0, read: ReadOptions::default(), ..options(inputs) };
     let plain = plain(&folder.path, &options);
     for &(region_leaves, chunk_bytes) in divisions(&[(2, 1), (64, u64::MAX)], 1) {
         let work = folder.path.join(format!("work-{region_leaves}"));
@@ -242,8 +242,7 @@ fn terrain_landmarks_and_photos_give_the_bytes_of_a_plain_bake() {
     let [small, large]: [Division; 2] = [(2, 1), (8, u64::MAX)];
     for (ground, all) in [(GroundOption::Auto, [small, large]), (GroundOption::None, [large, small])] {
         let options = BakeOptions {
-            landmarks: Some(landmarks.clone()),
-            facades: FacadeOption::Plain,
+            read: ReadOptions { landmarks: Some(landmarks.clone()), ..ReadOptions::default() },
             street_sets: true,
             ground,
             ..options(inputs.clone())
@@ -284,7 +283,8 @@ fn land_around_the_city_gives_the_bytes_of_a_plain_bake() {
     let far = grid("far.asc", [493_000, 5_393_000], 141, 100);
     let surroundings = SurroundingsOptions { files: vec![far], reach_m: 4000.0 };
     let terrain = TerrainOptions { margin_m: 100.0, ..TerrainOptions::default() };
-    let options = BakeOptions { surroundings, terrain, facades: FacadeOption::Plain, ..options(inputs) };
+    let read = ReadOptions { surroundings, terrain, ..ReadOptions::default() };
+    let options = BakeOptions { read, ..options(inputs) };
     let plain = plain(&folder.path, &options);
     let nodes =
         |levels: &str| serde_json::from_str::<serde_json::Value>(levels).unwrap()["counts"]["nodes_per_level"].clone();

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt::Write, fs, path::Path};
 use super::support::{BakedCity, FEW_VIEWS};
 use insula_bake::{
     BakeOptions,
-    read::{SurroundingsOptions, TerrainOptions},
+    read::{ReadOptions, SurroundingsOptions, TerrainOptions},
     sample::SampleSettings,
 };
 use insula_protocol::{BlockMap, Manifest, TileId, blockmap::flag, octahedral};
@@ -122,7 +122,8 @@ fn land_surrounds_the_city_without_gaps() {
     let surroundings = SurroundingsOptions { files: vec![folder.path.join("far.asc")], reach_m: 4000.0 };
     let terrain = TerrainOptions { margin_m: 100.0, ..TerrainOptions::default() };
     let inputs = vec!["houses.geojson".into()];
-    let city = bake(&folder, BakeOptions { inputs, surroundings, terrain, ..BakeOptions::default() });
+    let read = ReadOptions { surroundings, terrain, ..ReadOptions::default() };
+    let city = bake(&folder, BakeOptions { inputs, read, ..BakeOptions::default() });
     let columns = Columns::new(&city);
     let manifest = &columns.manifest;
     assert!(manifest.root_side_m >= 8000.0, "{}", manifest.root_side_m);
@@ -190,8 +191,11 @@ fn plain_land_ends_above_the_leaves() {
     };
     write_grid(&folder.path.join("dem.asc"), [-900.0, -320.0], [660.0, 510.0], 10.0, land_m);
     let terrain = TerrainOptions { margin_m: 600.0, ..TerrainOptions::default() };
-    let options =
-        || BakeOptions { inputs: vec!["houses.geojson".into(), "dem.asc".into()], terrain, ..BakeOptions::default() };
+    let options = || BakeOptions {
+        inputs: vec!["houses.geojson".into(), "dem.asc".into()],
+        read: ReadOptions { terrain, ..ReadOptions::default() },
+        ..BakeOptions::default()
+    };
     let city = bake(&folder, options());
     let columns = Columns::new(&city);
     let depth = columns.manifest.depth;

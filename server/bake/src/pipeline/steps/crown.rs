@@ -46,7 +46,7 @@ impl BakeSteps<'_> {
         let mut tiles = FinishedTiles::new(grid.depth);
         let (mut roots, of_city) = self.region_roots(&plan)?;
         if of_city.is_empty() {
-            return Err(BakeError::Empty { triangles: plan.facts.triangles as usize, cell_m: config.cell_m });
+            return Err(BakeError::Empty { triangles: plan.facts.triangles as usize, cell_m: config.options.cell_m });
         }
         let models = self.land(&plan)?;
         let levels = 0..=plan.region_level;

@@ -15,9 +15,8 @@ use crate::config::{ALGORITHM, BakeConfig, BakeOptions};
 use crate::error::BakeError;
 use crate::hash::short_hex;
 use crate::progress::Progress;
-use crate::read::{FarModels, ListedInputs, ReadOptions};
+use crate::read::{FarModels, ListedInputs};
 use crate::write::ownership::{check_inputs, check_place};
-use insula_place::PlacingOptions;
 use insula_source::error::InputError;
 
 /// Name of the job's object.
@@ -93,7 +92,6 @@ pub struct BakeSteps<'a> {
     id: String,
     store: OwnedStore<'a>,
     pub(super) config: BakeConfig,
-    pub(super) read_options: ReadOptions,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -173,10 +171,10 @@ impl<'a> BakeSteps<'a> {
             return Err(BakeError::Option { option: "--region", value: leaves.to_string(), advice });
         }
         progress.stage("list", 0);
-        let read_options = config.read_options(options);
         refuse_inside(store, options)?;
-        let mut listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
-        let (crs, postponed) = listed.settle(&read_options)?;
+        let read_options = &config.options.read;
+        let mut listed = ListedInputs::new(&options.inputs, read_options, request.chunk_bytes)?;
+        let (crs, postponed) = listed.settle(read_options)?;
         listed.postpone(&postponed);
         let (sizes, elevation) = listed.sizes();
         let failed = |cause| BakeError::work(store.address(), JOB, cause);
@@ -232,19 +230,17 @@ impl<'a> BakeSteps<'a> {
         progress: &'a dyn Progress,
     ) -> Result<Self, BakeError> {
         let options = &BakeOptions { name: Some(job.name.clone()), inputs: job.inputs.clone(), ..options.clone() };
-        let config = BakeConfig::new(options)?;
+        let mut config = BakeConfig::new(options)?;
         if config.settings != job.settings {
             let what = "its settings are others than those of this program";
             return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
         }
         refuse_inside(store, options)?;
         let id = job.id()?;
-        let read_options = config.read_options(options);
-        let crs = job.crs.clone().or_else(|| read_options.placing.crs.clone());
-        let is_crs_found = read_options.placing.crs.is_none();
-        let placing = PlacingOptions { crs, is_crs_found, ..read_options.placing.clone() };
-        let read_options = ReadOptions { placing, ..read_options };
-        Ok(Self { job, id, store: OwnedStore::new(store), config, read_options, progress })
+        let placing = &mut config.options.read.placing;
+        placing.is_crs_found = placing.crs.is_none();
+        placing.crs = job.crs.clone().or(placing.crs.take());
+        Ok(Self { job, id, store: OwnedStore::new(store), config, progress })
     }
 
     /// The objects of the job.
@@ -254,7 +250,7 @@ impl<'a> BakeSteps<'a> {
 
     /// The inputs as they were listed. Fails if they have changed since.
     pub(super) fn list_inputs(&self) -> Result<ListedInputs, BakeError> {
-        let mut listed = ListedInputs::new(&self.job.inputs, &self.read_options, self.job.chunk_bytes)?;
+        let mut listed = ListedInputs::new(&self.job.inputs, &self.config.options.read, self.job.chunk_bytes)?;
         listed.postpone(&self.job.postponed);
         let (sizes, elevation) = listed.sizes();
         if elevation != self.job.elevation || !sizes.iter().eq(self.chunks().iter().flat_map(|chunk| &chunk.bytes)) {
@@ -267,7 +263,7 @@ impl<'a> BakeSteps<'a> {
     /// The land around the city; `None` if there is none. Fails if the inputs have changed, or if a model cannot be read.
     pub(super) fn land(&self, plan: &CityPlan) -> Result<Option<FarModels>, BakeError> {
         let Some(facts) = plan.land else { return Ok(None) };
-        Ok(Some(self.list_inputs()?.land(&self.read_options, facts)?))
+        Ok(Some(self.list_inputs()?.land(&self.config.options.read, facts)?))
     }
 
     pub(super) fn chunks(&self) -> &[JobChunk] {

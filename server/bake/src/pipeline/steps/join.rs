@@ -261,7 +261,7 @@ impl BakeSteps<'_> {
             more.into_iter().for_each(|row| rows.push(row));
             part += 1;
         }
-        let (origin_m, searchable) = (plan.grid.corner, self.config.searchable.clone());
+        let (origin_m, searchable) = (plan.grid.corner, self.config.options.search_attributes.clone());
         let numbered = NumberedRecords { records: &records, rows: &rows, origin_m, searchable };
         let input = CityInput {
             config: &self.config,

@@ -56,13 +56,13 @@ impl BakeSteps<'_> {
         let parts = self.fetch_parts(folder.path())?;
         let known_textures = parts.textures().len();
         let PartsCity { mut city, surroundings, report, materials, mut first_objects, pictures, own_record_bytes } =
-            parts.assemble(&self.read_options)?;
+            parts.assemble(&self.config.options.read)?;
         report.warnings().for_each(|warning| self.progress.warn(&warning));
-        let cell_m = self.config.cell_m;
+        let cell_m = self.config.options.cell_m;
         let empty = BakeError::Empty { triangles: 0, cell_m };
         let Some(bounds) = city.bounds else { return Err(empty) };
         let mut facts = SceneFacts::new(&city, bounds)?;
-        let ground = match self.config.ground {
+        let ground = match self.config.options.ground {
             // Where the land goes on, there are no gaps to fill.
             _ if surroundings.is_some() => None,
             GroundOption::None => None,
@@ -177,7 +177,7 @@ impl BakeSteps<'_> {
         // Only for these, the inputs must be at hand.
         let inputs = self.job.has_elevation().then(|| self.list_inputs()).transpose()?;
         let cache_bytes = self.config.texture_cache_bytes();
-        let mut parts = SceneParts::new(inputs.as_ref(), &self.read_options, folder, &textures, cache_bytes)?;
+        let mut parts = SceneParts::new(inputs.as_ref(), &self.config.options.read, folder, &textures, cache_bytes)?;
         for chunk in 0..self.chunks().len() {
             let [triangles, shapes] = ["triangles", "shapes"].map(|name| folder.join(format!("{name}-{chunk}")));
             fetch(objects, &triangles_name(chunk), &triangles)?;

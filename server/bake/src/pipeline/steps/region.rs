@@ -119,7 +119,7 @@ impl BakeSteps<'_> {
     ) -> Result<(FinishedTiles, HashedPartition), BakeError> {
         let (grid, config, progress) = (&plan.grid, &self.config, self.progress);
         let square = plan.square(region).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
-        let budget = ScratchBudget::new(config.scratch_bytes);
+        let budget = ScratchBudget::new(config.options.scratch_bytes);
         let input = HashedInput { city, grid, config, budget: &budget };
         progress.stage("partition", city.triangles);
         let partition = HashedPartition::new(input, &folder.join("buckets"), square, |n| progress.advance(n))?;
@@ -151,7 +151,7 @@ impl BakeSteps<'_> {
         folder: &Path,
     ) -> Result<ScratchScene, BakeError> {
         let objects = self.objects();
-        let budget = ScratchBudget::new(self.config.scratch_bytes);
+        let budget = ScratchBudget::new(self.config.options.scratch_bytes);
         let mut builder = RegionBuilder::default();
         let mut stored = TriangleStore::in_file(folder.join("triangles"), budget.clone())?;
         for (chunk, place) in bundles {

@@ -51,14 +51,14 @@ impl BakeSteps<'_> {
         let listed = self.list_inputs()?;
         let range = wanted.first..wanted.first + wanted.bytes.len();
         let folder = scratch_folder()?;
-        let budget = ScratchBudget::new(self.config.scratch_bytes);
+        let budget = ScratchBudget::new(self.config.options.scratch_bytes);
         let texture_cache_bytes = self.config.texture_cache_bytes();
         let scratch = ScratchOptions { folder: folder.path(), texture_cache_bytes, budget: &budget };
         self.progress.stage("read", wanted.bytes.iter().sum());
         let done = std::cell::Cell::new(0);
         let tick =
             |now: ReadProgress| self.progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
-        let head = listed.read(range, &self.read_options, scratch, &tick)?;
+        let head = listed.read(range, &self.config.options.read, scratch, &tick)?;
         for (number, facts) in (0..).zip(&head.textures) {
             let name = picture_name(facts.hash());
             if !objects.has(&name)? {

@@ -111,7 +111,7 @@ impl BakeSteps<'_> {
         fetch(objects, &name, &path)?;
         let damaged = || objects.damaged(&name, "its triangles are not those of the plan");
         self.progress.stage("shuffle", fs::metadata(&path).map_or(0, |meta| meta.len() / RECORD_BYTES as u64));
-        let mut sorter = RegionSorter::new(&plan, folder.path(), self.config.sample.margin_m);
+        let mut sorter = RegionSorter::new(&plan, folder.path(), self.config.options.sample.margin_m);
         let mut count = 0;
         triangle_store::read_file(&path, &mut |mut triangle| {
             count += 1;
