@@ -1,4 +1,4 @@
-//! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write.
+//! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write; and lists of words in sources.
 
 use std::io::{self, BufRead, Cursor, Read};
 
@@ -8,32 +8,10 @@ use super::packed::unpacked_name;
 use crate::error::InputError;
 
 /// Extensions of formats that are text without a declaration of its encoding. Those of XML have one, and read it.
-const EXTENSIONS: &[&str] = &[
-    "json",
-    "cityjson",
-    "jsonl",
-    "ndjson",
-    "geojson",
-    "geojsonl",
-    "geojsons",
-    "geojsonseq",
-    "geojsonlines",
-    "geojsonld",
-    "txt",
-    "csv",
-    "tsv",
-    "obj",
-    "mtl",
-    "off",
-    "asc",
-    "osm",
-    "prj",
-    "qpj",
-    "tfw",
-    "jgw",
-    "pgw",
-    "wld",
-];
+const EXTENSIONS: &[&str] = &split_words::<24>(
+    "json cityjson jsonl ndjson geojson geojsonl geojsons geojsonseq geojsonlines geojsonld txt csv tsv obj mtl off \
+    asc osm prj qpj tfw jgw pgw wld",
+);
 /// Bytes by which an encoding is told.
 pub(crate) const START_BYTES: usize = 3;
 /// Begins a text in UTF-8 of some programs.
@@ -42,6 +20,23 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 const DECLARATION_BYTES: u64 = 512;
 /// Decoded bytes that are kept ready.
 const CHUNK_BYTES: usize = 1 << 16;
+
+/// The words of a text that single blanks separate, for lists of names. There must be `N`, which the compiler checks.
+pub const fn split_words<const N: usize>(text: &'static str) -> [&'static str; N] {
+    let mut words = [""; N];
+    let (mut rest, mut found, mut at) = (text, 0, 0);
+    while at < rest.len() {
+        if rest.as_bytes()[at] == b' ' {
+            words[found] = rest.split_at(at).0;
+            (rest, found, at) = (rest.split_at(at + 1).1, found + 1, 0);
+        } else {
+            at += 1;
+        }
+    }
+    assert!(found + 1 == N, "another number of words");
+    words[found] = rest;
+    words
+}
 
 /// How a file begins that is not read as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -205,6 +200,12 @@ impl<R: BufRead> BufRead for DecodingReader<R> {
 mod tests {
     use super::*;
     use crate::testing::utf16;
+
+    #[test]
+    fn words_are_those_between_blanks() {
+        assert_eq!(split_words("a höhe 高さ"), ["a", "höhe", "高さ"]);
+        assert_eq!(split_words("a"), ["a"]);
+    }
 
     #[test]
     fn texts_are_read_in_utf8_and_other_files_as_they_are() {

@@ -1,5 +1,7 @@
 //! Which windows a building has, by its use.
 
+use insula_source::text::split_words;
+
 /// Kind of facade.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum FacadeUse {
@@ -16,58 +18,17 @@ pub enum FacadeUse {
 const USES: &[(FacadeUse, &[&str])] = &[
     (
         FacadeUse::Windowless,
-        &[
-            "industr",
-            "factory",
-            "storage",
-            "warehouse",
-            "depot",
-            "hangar",
-            "parking",
-            "garage",
-            "carport",
-            "shed",
-            "roof",
-            "barn",
-            "stable",
-            "farm_aux",
-            "greenhouse",
-            "church",
-            "chapel",
-            "cathedral",
-            "mosque",
-            "temple",
-            "religious",
-            "kirche",
-            "kerk",
-            "工場",
-            "倉庫",
-        ],
+        &split_words::<25>(
+            "industr factory storage warehouse depot hangar parking garage carport shed roof barn stable farm_aux \
+            greenhouse church chapel cathedral mosque temple religious kirche kerk 工場 倉庫",
+        ),
     ),
     (
         FacadeUse::Office,
-        &[
-            "office",
-            "commerc",
-            "retail",
-            "business",
-            "hotel",
-            "hospital",
-            "public",
-            "civic",
-            "school",
-            "university",
-            "transport",
-            "kantoor",
-            "winkel",
-            "büro",
-            "gewerbe",
-            "業務",
-            "商業",
-            "宿泊",
-            "31001_2",
-            "31001_3",
-        ],
+        &split_words::<20>(
+            "office commerc retail business hotel hospital public civic school university transport kantoor winkel \
+            büro gewerbe 業務 商業 宿泊 31001_2 31001_3",
+        ),
     ),
 ];
 

@@ -269,50 +269,17 @@ mod tests {
     #[test]
     fn names_are_known_in_any_case_and_language() {
         let role = |name: &str| look_up(name).map(|(role, _, unit_m)| (role, unit_m));
-        for name in [
-            "HEIGHT",
-            "Height",
-            "hoehe",
-            "Höhe",
-            "HOEHE",
-            "hauteur",
-            "Altura",
-            "BLDG_HT",
-            "heightroof",
-            "measuredHe",
-            "building_height",
-            "building_h",
-            "building:height",
-            "Gebäudehöhe",
-            "výška",
-            "wysokość",
-            "høyde",
-            "高さ",
-            "max_height",
-            "HGT_AGL",
-            "AVG_HGT",
-            "H_MAX",
-            "HAUT_BAT",
-            "Altezza_Gronda",
-            "Ύψος",
-            "ВИСОТА",
-            "ارتفاع",
-        ] {
+        for name in "HEIGHT Height hoehe Höhe HOEHE hauteur Altura BLDG_HT heightroof measuredHe building_height \
+            building_h building:height Gebäudehöhe výška wysokość høyde 高さ max_height HGT_AGL AVG_HGT H_MAX \
+            HAUT_BAT Altezza_Gronda Ύψος ВИСОТА ارتفاع"
+            .split(' ')
+        {
             assert_eq!(role(name), Some((HeightRole::Top, None)), "{name}");
         }
-        for name in [
-            "STOREYS",
-            "building:levels",
-            "NUM_FLOORS",
-            "storeysAboveGround",
-            "building_l",
-            "階数",
-            "nb_étages",
-            "ANZ_GESCH",
-            "antal_plan",
-            "NIVELES",
-            "층수",
-        ] {
+        for name in "STOREYS building:levels NUM_FLOORS storeysAboveGround building_l 階数 nb_étages ANZ_GESCH \
+            antal_plan NIVELES 층수"
+            .split(' ')
+        {
             assert_eq!(role(name), Some((HeightRole::Levels, None)), "{name}");
         }
         assert_eq!(role("HEIGHT_FT"), Some((HeightRole::Top, Some(FOOT_M))));

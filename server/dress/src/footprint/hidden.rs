@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 use super::lengths::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// Why an underground object is skipped.
 pub const UNDERGROUND: &str = "underground";
@@ -62,34 +63,9 @@ const LEVELS: &[&str] = &[
 /// Levels and storeys of buildings. Others are marks of missing ones, such as -9999.
 const LEVELS_RANGE: RangeInclusive<f64> = -50.0..=400.0;
 /// Words for yes, in the languages of the larger publishers. `T` is that of Shapefiles. All else tells nothing.
-const YES: &[&str] = &[
-    "yes",
-    "y",
-    "true",
-    "t",
-    "1",
-    "1.0",
-    "ja",
-    "j",
-    "wahr",
-    "oui",
-    "vrai",
-    "si",
-    "sí",
-    "verdadero",
-    "sim",
-    "vero",
-    "da",
-    "да",
-    "ano",
-    "tak",
-    "igen",
-    "kyllä",
-    "evet",
-    "はい",
-    "是",
-    "예",
-];
+const YES: &[&str] = &split_words::<26>(
+    "yes y true t 1 1.0 ja j wahr oui vrai si sí verdadero sim vero da да ano tak igen kyllä evet はい 是 예",
+);
 /// Values of `indoor` of what is inside of a building.
 const INDOOR: &[&str] = &["room", "corridor", "area", "wall", "column", "door"];
 /// What is below the ground if its `layer` is negative. Roads and water are then in a cutting, or only below a bridge.

@@ -2,6 +2,7 @@
 
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// An attribute and its values; without values, all but `no`.
 type Tag = (&'static str, &'static [&'static str]);
@@ -45,32 +46,11 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
         &[
             (
                 "landuse",
-                &[
-                    "residential",
-                    "commercial",
-                    "retail",
-                    "industrial",
-                    "harbour",
-                    "port",
-                    "farmland",
-                    "farmyard",
-                    "allotments",
-                    "cemetery",
-                    "railway",
-                    "construction",
-                    "brownfield",
-                    "greenfield",
-                    "quarry",
-                    "landfill",
-                    "military",
-                    "garages",
-                    "recreation_ground",
-                    "religious",
-                    "education",
-                    "institutional",
-                    "plant_nursery",
-                    "greenhouse_horticulture",
-                ],
+                &split_words::<24>(
+                    "residential commercial retail industrial harbour port farmland farmyard allotments cemetery \
+                    railway construction brownfield greenfield quarry landfill military garages recreation_ground \
+                    religious education institutional plant_nursery greenhouse_horticulture",
+                ),
             ),
             ("leisure", &["pitch", "playground", "golf_course", "track", "dog_park"]),
             ("natural", &["beach", "sand", "bare_rock", "scree", "wetland"]),
@@ -82,16 +62,8 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
 ];
 
 /// Attributes that only buildings have: `landuse` and the like then say what the building is for.
-const BUILDING_ATTRIBUTES: [&str; 8] = [
-    "height",
-    "building:levels",
-    "building:height",
-    "measuredHeight",
-    "measured_height",
-    "num_floors",
-    "levels",
-    "floors",
-];
+const BUILDING_ATTRIBUTES: [&str; 8] =
+    split_words("height building:levels building:height measuredHeight measured_height num_floors levels floors");
 
 /// Subtypes of Overture's other themes than buildings.
 const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
@@ -107,21 +79,10 @@ const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
 ];
 
 /// Subtypes of Overture's buildings.
-const OVERTURE_BUILDING_SUBTYPES: &[&str] = &[
-    "agricultural",
-    "civic",
-    "commercial",
-    "education",
-    "entertainment",
-    "industrial",
-    "medical",
-    "military",
-    "outbuilding",
-    "religious",
-    "residential",
-    "service",
-    "transportation",
-];
+const OVERTURE_BUILDING_SUBTYPES: &[&str] = &split_words::<13>(
+    "agricultural civic commercial education entertainment industrial medical military outbuilding religious \
+    residential service transportation",
+);
 /// Attributes that only Overture's buildings have.
 const OVERTURE_BUILDING_ATTRIBUTES: &[&str] =
     &["num_floors", "facade_color", "facade_material", "roof_shape", "roof_color", "roof_material", "roof_height"];

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::tables::{BRICK_WALLS, CONCRETE_WALLS, FLAT_ROOF, HALL_ROOF, PLASTER_WALLS, TILED_ROOF};
+use insula_source::text::split_words;
 
 /// Least z of a flat roof's unit normal. It is the cosine of 14 degrees: drained flat roofs slope by up to 5, and tiles
 /// hold off rain from about 15 degrees on.
@@ -30,51 +31,14 @@ const USES: &[(WallKind, &[&str])] = &[
     ),
     (
         WallKind::Brick,
-        &[
-            "church",
-            "chapel",
-            "cathedral",
-            "religious",
-            "school",
-            "terrace",
-            "farm",
-            "barn",
-            "stable",
-            "kirche",
-            "kerk",
-        ],
+        &split_words::<11>("church chapel cathedral religious school terrace farm barn stable kirche kerk"),
     ),
     (
         WallKind::Concrete,
-        &[
-            "industr",
-            "factory",
-            "storage",
-            "depot",
-            "hangar",
-            "parking",
-            "garage",
-            "office",
-            "commerc",
-            "retail",
-            "business",
-            "hotel",
-            "hospital",
-            "public",
-            "civic",
-            "transport",
-            "kantoor",
-            "winkel",
-            "büro",
-            "gewerbe",
-            "業務",
-            "商業",
-            "工場",
-            "倉庫",
-            "宿泊",
-            "31001_2",
-            "31001_3",
-        ],
+        &split_words::<27>(
+            "industr factory storage depot hangar parking garage office commerc retail business hotel hospital public \
+            civic transport kantoor winkel büro gewerbe 業務 商業 工場 倉庫 宿泊 31001_2 31001_3",
+        ),
     ),
 ];
 

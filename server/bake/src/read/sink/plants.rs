@@ -54,27 +54,11 @@ struct FormSizes {
 }
 
 /// Forms by how a scientific name begins; the first that fits counts.
-const NAMES: &[(&str, TreeForm)] = &[
-    ("phoenix", TreeForm::Palm),
-    ("washingtonia", TreeForm::Palm),
-    ("trachycarpus", TreeForm::Palm),
-    ("chamaerops", TreeForm::Palm),
-    ("syagrus", TreeForm::Palm),
-    ("cocos", TreeForm::Palm),
-    ("arecaceae", TreeForm::Palm),
-    ("cupressus", TreeForm::Columnar),
-    ("populus nigra", TreeForm::Columnar),
-    ("thuja", TreeForm::Columnar),
-    ("taxus", TreeForm::Columnar),
-    ("pinus", TreeForm::Umbrella),
-    ("cedrus", TreeForm::Umbrella),
-    ("abies", TreeForm::Conical),
-    ("picea", TreeForm::Conical),
-    ("larix", TreeForm::Conical),
-    ("metasequoia", TreeForm::Conical),
-    ("sequoia", TreeForm::Conical),
-    ("pseudotsuga", TreeForm::Conical),
-    ("araucaria", TreeForm::Conical),
+const NAMES: &[(TreeForm, &[&str])] = &[
+    (TreeForm::Palm, &["phoenix", "washingtonia", "trachycarpus", "chamaerops", "syagrus", "cocos", "arecaceae"]),
+    (TreeForm::Columnar, &["cupressus", "populus nigra", "thuja", "taxus"]),
+    (TreeForm::Umbrella, &["pinus", "cedrus"]),
+    (TreeForm::Conical, &["abies", "picea", "larix", "metasequoia", "sequoia", "pseudotsuga", "araucaria"]),
 ];
 
 impl TreeForm {
@@ -84,8 +68,9 @@ impl TreeForm {
             return Self::Shrub;
         }
         let mut names = ["species", "taxon", "genus"].into_iter().filter_map(text).map(str::to_lowercase);
+        let begins = |name: &str, starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
         let by_name =
-            names.find_map(|name| NAMES.iter().find(|(start, _)| name.starts_with(start)).map(|(_, form)| *form));
+            names.find_map(|name| NAMES.iter().find(|(_, starts)| begins(&name, starts)).map(|(form, _)| *form));
         by_name.unwrap_or(match text("leaf_type") {
             Some("needleleaved") => Self::Conical,
             Some("palm") => Self::Palm,

@@ -9,6 +9,7 @@ use insula_dress::footprint::{
     AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, hidden, length_m,
 };
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// What an element's geometry is to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,19 +90,10 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("natural", &["wood", "scrub", "heath", "grassland", "fell", "tundra", "wetland", "shrubbery", "moor"], Vegetation),
     (
         "landuse",
-        &[
-            "forest",
-            "grass",
-            "meadow",
-            "orchard",
-            "vineyard",
-            "village_green",
-            "allotments",
-            "recreation_ground",
-            "flowerbed",
-            "plant_nursery",
-            "greenery",
-        ],
+        &split_words::<11>(
+            "forest grass meadow orchard vineyard village_green allotments recreation_ground flowerbed plant_nursery \
+            greenery",
+        ),
         Vegetation,
     ),
     ("leisure", &["park", "garden", "golf_course", "dog_park", "common"], Vegetation),
@@ -114,31 +106,11 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("aeroway", &["aerodrome"], LandUse),
     (
         "landuse",
-        &[
-            "residential",
-            "commercial",
-            "retail",
-            "industrial",
-            "farmland",
-            "farmyard",
-            "farm",
-            "greenhouse_horticulture",
-            "cemetery",
-            "religious",
-            "education",
-            "institutional",
-            "garages",
-            "railway",
-            "quarry",
-            "landfill",
-            "brownfield",
-            "greenfield",
-            "construction",
-            "depot",
-            "harbour",
-            "port",
-            "salt_pond",
-        ],
+        &split_words::<23>(
+            "residential commercial retail industrial farmland farmyard farm greenhouse_horticulture cemetery \
+            religious education institutional garages railway quarry landfill brownfield greenfield construction \
+            depot harbour port salt_pond",
+        ),
         LandUse,
     ),
     ("amenity", &["grave_yard", "school", "kindergarten", "university", "college", "hospital"], LandUse),

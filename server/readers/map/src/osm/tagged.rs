@@ -4,6 +4,7 @@ use super::classes::{Outline, Verdict, classify};
 use super::element::Tags;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// Keys that count whatever their value is. In capitals they may mean anything else, such as the supply of water.
 const ONLY_AS_SPELT: &[&str] = &["water", "harbour", "area:highway"];
@@ -20,24 +21,10 @@ const AREA_CLASSES: &[(&str, &[&str])] = &[
     ("aeroway", &["apron", "helipad"]),
     (
         "landuse",
-        &[
-            "reservoir",
-            "forest",
-            "grass",
-            "meadow",
-            "orchard",
-            "vineyard",
-            "allotments",
-            "recreation_ground",
-            "residential",
-            "industrial",
-            "commercial",
-            "retail",
-            "farmland",
-            "farmyard",
-            "cemetery",
-            "quarry",
-        ],
+        &split_words::<16>(
+            "reservoir forest grass meadow orchard vineyard allotments recreation_ground residential industrial \
+            commercial retail farmland farmyard cemetery quarry",
+        ),
     ),
 ];
 /// Keys of lines. No two of them have a common value.

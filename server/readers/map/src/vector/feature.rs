@@ -13,27 +13,15 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
 use insula_source::problems::{MISSING_GROUND, NO_CRS, NO_SEA, TREES_BY_COLUMN};
+use insula_source::text::split_words;
 
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
 /// Names of attributes that identify a feature, in lower case; the first that has a value counts.
-const ID_NAMES: [&str; 15] = [
-    "id",
-    "@id",
-    "gml_id",
-    "identificatie",
-    "osm_id",
-    "osm_way_id",
-    "objectid",
-    "fid",
-    "ogc_fid",
-    "feature_id",
-    "gid",
-    "building_id",
-    "bldg_id",
-    "globalid",
-    "uuid",
-];
+const ID_NAMES: [&str; 15] = split_words(
+    "id @id gml_id identificatie osm_id osm_way_id objectid fid ogc_fid feature_id gid building_id bldg_id globalid \
+    uuid",
+);
 /// Attributes that hold further tags as one text.
 const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
 

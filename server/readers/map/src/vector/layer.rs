@@ -2,70 +2,28 @@
 
 use insula_dress::footprint::is_height;
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// Keys of OpenStreetMap that tell what a feature is. Other tables hardly have two of them.
-pub(super) const OSM_KEYS: [&str; 14] = [
-    "admin_level",
-    "aeroway",
-    "amenity",
-    "barrier",
-    "boundary",
-    "building",
-    "highway",
-    "landuse",
-    "leisure",
-    "man_made",
-    "natural",
-    "railway",
-    "tourism",
-    "waterway",
-];
+pub(super) const OSM_KEYS: [&str; 14] = split_words(
+    "admin_level aeroway amenity barrier boundary building highway landuse leisure man_made natural railway tourism \
+    waterway",
+);
 
 /// Words of layers of plants: their points are trees, and their heights those of trees.
-const TREES: &[&str] = &[
-    "tree",
-    "trees",
-    "vegetation",
-    "baum",
-    "baeume",
-    "bäume",
-    "boom",
-    "bomen",
-    "arbre",
-    "arbres",
-    "arbol",
-    "arboles",
-    "árboles",
-    "alberi",
-    "drzewa",
-];
+const TREES: &[&str] = &split_words::<15>(
+    "tree trees vegetation baum baeume bäume boom bomen arbre arbres arbol arboles árboles alberi drzewa",
+);
 
 /// Words in names of layers, tables and files, in the languages of the larger publishers.
 const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::BuildingPart, &["buildingpart", "buildingparts"]),
     (
         FeatureKind::Building,
-        &[
-            "building",
-            "buildings",
-            "bldg",
-            "footprint",
-            "footprints",
-            "gebouw",
-            "gebouwen",
-            "pand",
-            "panden",
-            "gebaeude",
-            "gebäude",
-            "batiment",
-            "batiments",
-            "edificio",
-            "edificios",
-            "edifici",
-            "budynki",
-            "bygning",
-            "bygninger",
-        ],
+        &split_words::<19>(
+            "building buildings bldg footprint footprints gebouw gebouwen pand panden gebaeude gebäude batiment \
+            batiments edificio edificios edifici budynki bygning bygninger",
+        ),
     ),
     (FeatureKind::Vegetation, TREES),
     (FeatureKind::Bridge, &["bridge", "bridges"]),
@@ -77,19 +35,7 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::Rail, &["rail", "rails", "railway", "railways", "spoor", "tram", "trams"]),
     (
         FeatureKind::Water,
-        &[
-            "water",
-            "waters",
-            "waterway",
-            "waterways",
-            "river",
-            "rivers",
-            "lake",
-            "lakes",
-            "waterdeel",
-            "hydro",
-            "ocean",
-        ],
+        &split_words::<11>("water waters waterway waterways river rivers lake lakes waterdeel hydro ocean"),
     ),
     (FeatureKind::Vegetation, &["forest", "forests", "wood", "woods", "park", "parks"]),
     (
@@ -101,46 +47,15 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
 
 /// Columns that all features of Overture have, and those that only its buildings have, but need not.
 const OVERTURE_COLUMNS: [&str; 4] = ["id", "sources", "version", "subtype"];
-const OVERTURE_BUILDING_COLUMNS: [&str; 8] = [
-    "has_parts",
-    "building_id",
-    "is_underground",
-    "num_floors",
-    "roof_shape",
-    "roof_height",
-    "roof_color",
-    "facade_color",
-];
+const OVERTURE_BUILDING_COLUMNS: [&str; 8] =
+    split_words("has_parts building_id is_underground num_floors roof_shape roof_height roof_color facade_color");
 
 /// Names of columns that only tables of trees have, in lower case without what separates words.
-const TREE_COLUMNS: [&str; 26] = [
-    "tree",
-    "baum",
-    "treeid",
-    "treeno",
-    "treenumber",
-    "treename",
-    "treetype",
-    "treespecies",
-    "treeheight",
-    "crowndiameter",
-    "crownwidth",
-    "spccommon",
-    "spclatin",
-    "baumart",
-    "baumid",
-    "baumnr",
-    "baumnummer",
-    "baumname",
-    "baumgattung",
-    "baumhoehe",
-    "baumhöhe",
-    "kronendurchmesser",
-    "stammumfang",
-    "stammdurchmesser",
-    "boomsoort",
-    "boomhoogte",
-];
+const TREE_COLUMNS: [&str; 26] = split_words(
+    "tree baum treeid treeno treenumber treename treetype treespecies treeheight crowndiameter crownwidth spccommon \
+    spclatin baumart baumid baumnr baumnummer baumname baumgattung baumhoehe baumhöhe kronendurchmesser stammumfang \
+    stammdurchmesser boomsoort boomhoogte",
+);
 /// Names of columns that tables of trees have, and perhaps those of other plants or of animals.
 const SPECIES_COLUMNS: [&str; 9] =
     ["species", "genus", "gattung", "essence", "espece", "espèce", "especie", "botanicalname", "soortnaam"];

@@ -2,27 +2,13 @@
 
 use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use insula_source::arc::divide_arcs;
+use insula_source::text::split_words;
 
 /// Names of geometries. Longer names come before their beginnings.
-const NAMES: [&str; 17] = [
-    "POINT",
-    "LINESTRING",
-    "POLYGON",
-    "TRIANGLE",
-    "MULTIPOINT",
-    "MULTILINESTRING",
-    "MULTIPOLYGON",
-    "GEOMETRYCOLLECTION",
-    "CIRCULARSTRING",
-    "COMPOUNDCURVE",
-    "CURVEPOLYGON",
-    "MULTICURVE",
-    "MULTISURFACE",
-    "POLYHEDRALSURFACE",
-    "TIN",
-    "LINEARRING",
-    "SURFACE",
-];
+const NAMES: [&str; 17] = split_words(
+    "POINT LINESTRING POLYGON TRIANGLE MULTIPOINT MULTILINESTRING MULTIPOLYGON GEOMETRYCOLLECTION CIRCULARSTRING \
+    COMPOUNDCURVE CURVEPOLYGON MULTICURVE MULTISURFACE POLYHEDRALSURFACE TIN LINEARRING SURFACE",
+);
 
 /// Whether a text begins as a geometry does.
 pub(super) fn looks_like_wkt(text: &str) -> bool {

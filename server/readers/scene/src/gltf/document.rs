@@ -2,26 +2,15 @@
 
 use super::schema::Root;
 use insula_source::error::InputError;
+use insula_source::text::split_words;
 
 /// Extensions that may be required. Those of materials and lights only change the look.
-const KNOWN: [&str; 16] = [
-    "KHR_draco_mesh_compression",
-    "EXT_meshopt_compression",
-    "KHR_meshopt_compression",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-    "KHR_texture_basisu",
-    "EXT_texture_webp",
-    "EXT_mesh_gpu_instancing",
-    "EXT_mesh_features",
-    "EXT_instance_features",
-    "EXT_structural_metadata",
-    "CESIUM_RTC",
-    "CESIUM_primitive_outline",
-    "KHR_node_visibility",
-    "KHR_techniques_webgl",
-    "KHR_xmp_json_ld",
-];
+const KNOWN: [&str; 16] = split_words(
+    "KHR_draco_mesh_compression EXT_meshopt_compression KHR_meshopt_compression KHR_mesh_quantization \
+    KHR_texture_transform KHR_texture_basisu EXT_texture_webp EXT_mesh_gpu_instancing EXT_mesh_features \
+    EXT_instance_features EXT_structural_metadata CESIUM_RTC CESIUM_primitive_outline KHR_node_visibility \
+    KHR_techniques_webgl KHR_xmp_json_ld",
+);
 const KNOWN_PREFIXES: [&str; 4] = ["KHR_materials_", "KHR_lights_", "EXT_lights_", "KHR_animation_"];
 
 /// Parsed JSON, and the binary chunk of a GLB.

@@ -2,90 +2,35 @@
 
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
+use insula_source::text::split_words;
 
 /// Attributes whose value is an identifier, the best first. Compared without case, `_`, `:` and `-`.
-const ID_NAMES: [&str; 14] = [
-    "gmlid",
-    "id",
-    "globalid",
-    "buildingid",
-    "elementid",
-    "featureid",
-    "objectid",
-    "guid",
-    "uuid",
-    "identifier",
-    "osmid",
-    "bin",
-    "uniqueid",
-    "name",
-];
+const ID_NAMES: [&str; 14] = split_words(
+    "gmlid id globalid buildingid elementid featureid objectid guid uuid identifier osmid bin uniqueid name",
+);
 /// Attributes whose value names a class. Compared in the same way.
 const CLASS_NAMES: [&str; 9] =
     ["featuretype", "classname", "class", "citygmlclass", "objecttype", "category", "layer", "type", "topiccategory"];
-/// Words of names and classes, with the kinds that they mean.
-const WORDS: [(&str, FeatureKind); 61] = [
-    ("bridge", FeatureKind::Bridge),
-    ("bridges", FeatureKind::Bridge),
-    ("brid", FeatureKind::Bridge),
-    ("tunnel", FeatureKind::Tunnel),
-    ("tunnels", FeatureKind::Tunnel),
-    ("tun", FeatureKind::Tunnel),
-    ("railway", FeatureKind::Rail),
-    ("railways", FeatureKind::Rail),
-    ("rail", FeatureKind::Rail),
-    ("rwy", FeatureKind::Rail),
-    ("road", FeatureKind::Road),
-    ("roads", FeatureKind::Road),
-    ("street", FeatureKind::Road),
-    ("streets", FeatureKind::Road),
-    ("tran", FeatureKind::Road),
-    ("transportation", FeatureKind::Road),
-    ("water", FeatureKind::Water),
-    ("waterbody", FeatureKind::Water),
-    ("waterway", FeatureKind::Water),
-    ("wtr", FeatureKind::Water),
-    ("river", FeatureKind::Water),
-    ("lake", FeatureKind::Water),
-    ("tree", FeatureKind::Vegetation),
-    ("trees", FeatureKind::Vegetation),
-    ("vegetation", FeatureKind::Vegetation),
-    ("veg", FeatureKind::Vegetation),
-    ("solitaryvegetationobject", FeatureKind::Vegetation),
-    ("plantcover", FeatureKind::Vegetation),
-    ("plants", FeatureKind::Vegetation),
-    ("forest", FeatureKind::Vegetation),
-    ("landuse", FeatureKind::LandUse),
-    ("luse", FeatureKind::LandUse),
-    ("furniture", FeatureKind::Furniture),
-    ("cityfurniture", FeatureKind::Furniture),
-    ("frn", FeatureKind::Furniture),
-    ("lamp", FeatureKind::Furniture),
-    ("lamps", FeatureKind::Furniture),
-    ("streetlight", FeatureKind::Furniture),
-    ("terrain", FeatureKind::Relief),
-    ("relief", FeatureKind::Relief),
-    ("dem", FeatureKind::Relief),
-    ("dtm", FeatureKind::Relief),
-    ("ground", FeatureKind::Relief),
-    ("elevation", FeatureKind::Relief),
-    ("tinrelief", FeatureKind::Relief),
-    ("reliefparty", FeatureKind::Relief),
-    ("relieffeature", FeatureKind::Relief),
-    ("generic", FeatureKind::Generic),
-    ("gen", FeatureKind::Generic),
-    ("genericcityobject", FeatureKind::Generic),
-    ("building", FeatureKind::Building),
-    ("buildings", FeatureKind::Building),
-    ("bldg", FeatureKind::Building),
-    ("buildingpart", FeatureKind::BuildingPart),
-    ("consistsofbuildingpart", FeatureKind::BuildingPart),
-    ("house", FeatureKind::Building),
-    ("houses", FeatureKind::Building),
-    ("wall", FeatureKind::Building),
-    ("roof", FeatureKind::Building),
-    ("door", FeatureKind::Building),
-    ("window", FeatureKind::Building),
+/// Words of names and classes, by the kinds that they mean. No two kinds have a common word.
+const WORDS: [(FeatureKind, &[&str]); 12] = [
+    (FeatureKind::Bridge, &["bridge", "bridges", "brid"]),
+    (FeatureKind::Tunnel, &["tunnel", "tunnels", "tun"]),
+    (FeatureKind::Rail, &["railway", "railways", "rail", "rwy"]),
+    (FeatureKind::Road, &["road", "roads", "street", "streets", "tran", "transportation"]),
+    (FeatureKind::Water, &["water", "waterbody", "waterway", "wtr", "river", "lake"]),
+    (
+        FeatureKind::Vegetation,
+        &split_words::<8>("tree trees vegetation veg solitaryvegetationobject plantcover plants forest"),
+    ),
+    (FeatureKind::LandUse, &["landuse", "luse"]),
+    (FeatureKind::Furniture, &["furniture", "cityfurniture", "frn", "lamp", "lamps", "streetlight"]),
+    (
+        FeatureKind::Relief,
+        &split_words::<9>("terrain relief dem dtm ground elevation tinrelief reliefparty relieffeature"),
+    ),
+    (FeatureKind::Generic, &["generic", "gen", "genericcityobject"]),
+    (FeatureKind::Building, &split_words::<9>("building buildings bldg house houses wall roof door window")),
+    (FeatureKind::BuildingPart, &["buildingpart", "consistsofbuildingpart"]),
 ];
 
 /// The name in lower case without what separates words.
@@ -121,7 +66,7 @@ pub(crate) fn lod_of(attributes: &Attributes) -> Option<f32> {
 /// The kind that a class or a name tells: the first word that is known. Words are separated by anything but letters, and by
 /// capital letters after small ones.
 pub(crate) fn kind_of_name(name: &str) -> Option<FeatureKind> {
-    let kind_of_word = |word: &str| WORDS.iter().find(|(known, _)| *known == word).map(|(_, kind)| *kind);
+    let kind_of_word = |word: &str| WORDS.iter().find(|(_, known)| known.contains(&word)).map(|(kind, _)| *kind);
     let mut words = Vec::new();
     for part in name.split(|c: char| !c.is_alphabetic()).filter(|part| !part.is_empty()) {
         if let Some(kind) = kind_of_word(&part.to_lowercase()) {

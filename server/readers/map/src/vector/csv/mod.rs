@@ -13,21 +13,12 @@ use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::{Description, ObjectSink};
+use insula_source::text::split_words;
 use place::Place;
 
 /// Names of geometry columns, in lower case, the most certain first.
-const GEOMETRY_NAMES: [&str; 10] = [
-    "wkt",
-    "the_geom",
-    "geom",
-    "geometry",
-    "wkt_geom",
-    "wkt_geometry",
-    "geom_wkt",
-    "geometry_wkt",
-    "wkb_geometry",
-    "shape",
-];
+const GEOMETRY_NAMES: [&str; 10] =
+    split_words("wkt the_geom geom geometry wkt_geom wkt_geometry geom_wkt geometry_wkt wkb_geometry shape");
 /// Names of columns with the EPSG code of the geometry.
 const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
 const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
