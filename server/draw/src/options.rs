@@ -33,7 +33,6 @@ const DEFAULT_PAPER: &str = "A3";
 pub struct DrawingOptions {
     pub format: DrawingFormat,
     /// A perspective view. At most one of `view`, `plan` and `axonometric`; a plan if there is none.
-    #[serde(default)]
     view: Option<ExportCamera>,
     /// Whether an eye inside of a building or below the ground stays there, instead of being lifted out.
     #[serde(default)]
@@ -41,27 +40,18 @@ pub struct DrawingOptions {
     #[serde(default)]
     plan: bool,
     /// Azimuth and elevation in degrees.
-    #[serde(default)]
     axonometric: Option<[f64; 2]>,
     /// West, south, east and north in degrees.
-    #[serde(default)]
     bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system.
-    #[serde(default)]
     bbox_metres: Option<[f64; 4]>,
-    #[serde(default)]
     filter: Option<String>,
     /// `ATTRIBUTE` or `ATTRIBUTE:PALETTE`.
-    #[serde(default)]
     color_by: Option<String>,
     /// `1:N`.
-    #[serde(default)]
     scale: Option<String>,
-    #[serde(default)]
     paper: Option<String>,
-    #[serde(default)]
     style: Option<Stylesheet>,
-    #[serde(default)]
     title: Option<String>,
     #[serde(default)]
     bare: bool,
@@ -69,12 +59,10 @@ pub struct DrawingOptions {
     #[serde(default)]
     sheet: bool,
     /// `model` or `paper`.
-    #[serde(default)]
     look: Option<String>,
     #[serde(default)]
     shadows: bool,
     /// Azimuth and altitude of the sun in degrees.
-    #[serde(default)]
     sun: Option<[f64; 2]>,
 }
 

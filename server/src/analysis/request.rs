@@ -38,19 +38,14 @@ const MAX_SQUARES: u32 = 160;
 pub(crate) struct AnalysisRequest {
     kind: AskedKind,
     /// Name of a built-in rule, of `sun`.
-    #[serde(default)]
     rule: Option<String>,
     /// Time of `shadow`.
-    #[serde(default)]
     time: Option<String>,
     /// Of a time without an offset.
-    #[serde(default)]
     time_zone: Option<String>,
     /// West, south, east and north in degrees.
-    #[serde(default)]
     bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system. The answer has these, too.
-    #[serde(default)]
     bbox_metres: Option<[f64; 4]>,
 }
 

@@ -21,9 +21,7 @@ const KTX2: &[&str] = &["ktx2", "bin"];
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct SharedJson {
-    #[serde(default)]
     material_definitions: Option<Map<String, Value>>,
-    #[serde(default)]
     texture_definitions: Option<Map<String, Value>>,
 }
 

@@ -23,11 +23,8 @@ struct PageJson {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct PagedNodeJson {
-    #[serde(default)]
     obb: Option<ObbJson>,
-    #[serde(default)]
     children: Option<Vec<u32>>,
-    #[serde(default)]
     mesh: Option<MeshJson>,
 }
 
@@ -35,17 +32,13 @@ struct PagedNodeJson {
 #[serde(rename_all = "camelCase")]
 struct ObbJson {
     center: [f64; 3],
-    #[serde(default)]
     half_size: Option<[f64; 3]>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
 struct MeshJson {
-    #[serde(default)]
     material: Option<PartJson>,
-    #[serde(default)]
     geometry: Option<PartJson>,
-    #[serde(default)]
     attribute: Option<PartJson>,
 }
 
@@ -53,13 +46,9 @@ struct MeshJson {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct PartJson {
-    #[serde(default)]
     definition: Option<u32>,
-    #[serde(default)]
     resource: Option<u32>,
-    #[serde(default)]
     vertex_count: Option<u64>,
-    #[serde(default)]
     feature_count: Option<u64>,
 }
 
@@ -67,19 +56,12 @@ struct PartJson {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct NodeJson {
-    #[serde(default)]
     mbs: Option<[f64; 4]>,
-    #[serde(default)]
     obb: Option<ObbJson>,
-    #[serde(default)]
     children: Option<Vec<ReferenceJson>>,
-    #[serde(default)]
     geometry_data: Option<Vec<HrefJson>>,
-    #[serde(default)]
     texture_data: Option<Vec<HrefJson>>,
-    #[serde(default)]
     attribute_data: Option<Vec<HrefJson>>,
-    #[serde(default)]
     shared_resource: Option<HrefJson>,
 }
 
@@ -90,7 +72,6 @@ struct ReferenceJson {
 
 #[derive(Debug, Deserialize)]
 struct HrefJson {
-    #[serde(default)]
     href: Option<String>,
 }
 

@@ -13,15 +13,11 @@ const MAX_CONTENTS: usize = 64;
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct SubtreeJson {
-    #[serde(default)]
     buffers: Option<Vec<BufferJson>>,
-    #[serde(default)]
     buffer_views: Option<Vec<ViewJson>>,
     tile_availability: AvailabilityJson,
-    #[serde(default)]
     content_availability: Option<OneOrMany>,
     child_subtree_availability: AvailabilityJson,
-    #[serde(default)]
     extensions: Option<SubtreeExtensions>,
 }
 
@@ -49,7 +45,6 @@ enum OneOrMany {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct BufferJson {
-    #[serde(default)]
     uri: Option<String>,
 }
 
@@ -65,7 +60,6 @@ struct ViewJson {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct AvailabilityJson {
-    #[serde(default)]
     constant: Option<u8>,
     #[serde(default, alias = "bufferView")]
     bitstream: Option<u32>,

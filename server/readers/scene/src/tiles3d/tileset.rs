@@ -8,11 +8,9 @@ use insula_source::json::{members::Members, without_bom};
 /// A `tileset.json`. Members that are not read are left out.
 #[derive(Debug, Deserialize)]
 pub(super) struct TilesetJson {
-    #[serde(default)]
     pub(super) asset: Option<AssetJson>,
     pub(super) root: TileJson,
     /// Metadata that contents share.
-    #[serde(default)]
     pub(super) groups: Option<Vec<MetadataJson>>,
 }
 
@@ -20,38 +18,26 @@ pub(super) struct TilesetJson {
 #[serde(rename_all = "camelCase")]
 pub(super) struct AssetJson {
     /// `X`, `Y` or `Z`: the direction that is up in the glTF of version 1.0. Never standard, but in use.
-    #[serde(default)]
     pub(super) gltf_up_axis: Option<String>,
-    #[serde(default)]
     pub(super) copyright: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MetadataJson {
-    #[serde(default)]
     pub(super) properties: Option<Members>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TileJson {
-    #[serde(default)]
     pub(super) bounding_volume: Option<VolumeJson>,
-    #[serde(default)]
     pub(super) transform: Option<Vec<f64>>,
-    #[serde(default)]
     pub(super) refine: Option<String>,
-    #[serde(default)]
     pub(super) content: Option<ContentJson>,
-    #[serde(default)]
     pub(super) contents: Option<Vec<ContentJson>>,
-    #[serde(default)]
     pub(super) children: Option<Vec<TileJson>>,
-    #[serde(default)]
     pub(super) implicit_tiling: Option<ImplicitJson>,
-    #[serde(default)]
     pub(super) metadata: Option<MetadataJson>,
-    #[serde(default)]
     pub(super) extensions: Option<TileExtensions>,
 }
 
@@ -76,22 +62,18 @@ pub(super) struct ContentJson {
     #[serde(default, alias = "url")]
     pub(super) uri: Option<String>,
     /// Index of the tileset's group.
-    #[serde(default)]
     pub(super) group: Option<u32>,
-    #[serde(default)]
     pub(super) metadata: Option<MetadataJson>,
 }
 
 #[derive(Debug, Clone, Default, Deserialize)]
 pub(super) struct VolumeJson {
     /// West, south, east, north in radians, lowest and highest height.
-    #[serde(default)]
     pub(super) region: Option<Vec<f64>>,
     /// Centre and three half axes.
     #[serde(default, rename = "box")]
     pub(super) box_: Option<Vec<f64>>,
     /// Centre and radius.
-    #[serde(default)]
     pub(super) sphere: Option<Vec<f64>>,
 }
 
@@ -100,10 +82,8 @@ pub(super) struct VolumeJson {
 pub(super) struct ImplicitJson {
     pub(super) subdivision_scheme: String,
     pub(super) subtree_levels: u32,
-    #[serde(default)]
     pub(super) available_levels: Option<u32>,
     /// The deepest level: one less than `available_levels`, which came later.
-    #[serde(default)]
     pub(super) maximum_level: Option<u32>,
     pub(super) subtrees: SubtreesJson,
 }
