@@ -1,5 +1,4 @@
-//! Load on a server: in an open loop, beyond its capacity, and for a long time.
+//! Load on a server: in an open loop, and beyond its capacity.
 
 pub mod open_loop;
 pub mod overload;
-pub mod soak;
