@@ -34,28 +34,4 @@ impl Pfm {
         let values = rows.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
         Ok(Self { width_px, height_px, values })
     }
-
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let mut bytes = format!("Pf\n{} {}\n-1.0\n", self.width_px, self.height_px).into_bytes();
-        for row in self.values.chunks_exact(self.width_px as usize).rev() {
-            bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
-        }
-        fs::write(path, bytes).with_context(|| path.display().to_string())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn round_trip() {
-        let pfm = Pfm { width_px: 2, height_px: 2, values: vec![1.5, f32::INFINITY, -0.25, 7.0] };
-        let path = std::env::temp_dir().join(format!("insula-pfm-{}.pfm", std::process::id()));
-        pfm.write(&path).unwrap();
-        assert_eq!(Pfm::read(&path).unwrap(), pfm);
-        std::fs::write(&path, b"Pf\n2 2\n-1.0\nshort").unwrap();
-        assert!(Pfm::read(&path).is_err());
-        std::fs::remove_file(path).unwrap();
-    }
 }

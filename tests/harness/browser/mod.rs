@@ -3,7 +3,6 @@
 //! `INSULA_CHROMIUM` names the program; without it, it is searched on the path. A test that finds none must be reported as
 //! ignored.
 
-mod base64;
 pub mod city_page;
 mod connection;
 mod emulation;

@@ -1,11 +1,11 @@
 //! One page: navigation, scripts, pictures, and what it reported.
 
 use super::{
-    base64,
     connection::{Connection, PATIENCE},
     page_log::{Message, PageLog, Request, auto_attach},
 };
 use anyhow::{Context, Result, bail, ensure};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde_json::{Value, json};
 use std::{
     sync::{Arc, atomic::AtomicU64},
@@ -118,7 +118,7 @@ impl Page {
     /// The visible part of the page as PNG.
     pub fn screenshot_png(&self) -> Result<Vec<u8>> {
         let reply = self.call("Page.captureScreenshot", json!({ "format": "png" }))?;
-        base64::decode(reply["data"].as_str().context("no picture")?)
+        STANDARD.decode(reply["data"].as_str().context("no picture")?).ok().context("a picture that is no base64")
     }
 
     /// The bytes of an expression whose value is a promise of a `Blob`.
@@ -134,7 +134,8 @@ impl Page {
             }})()"
         );
         let url = self.evaluate(&script)?;
-        base64::decode(url.as_str().and_then(|url| url.split_once(',')).context("no data URL")?.1)
+        let (_, data) = url.as_str().and_then(|url| url.split_once(',')).context("no data URL")?;
+        STANDARD.decode(data).ok().context("a data URL that is no base64")
     }
 
     /// Everything that was reported so far.
