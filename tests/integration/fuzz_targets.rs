@@ -38,54 +38,56 @@ macro_rules! targets {
             mod $name;
         )*
 
-        fn targets() -> Vec<(&'static str, fn(&[u8]))> {
-            vec![$((stringify!($name), $name::run)),*]
+        fn targets() -> Vec<Target> {
+            let of_readers = reader::READERS.map(|(name, _)| target(name, move |bytes| reader::read(name, bytes)));
+            [$(target(stringify!($name), $name::run)),*].into_iter().chain(of_readers).collect()
         }
     };
 }
+
+/// A name, and what takes an input.
+type Target = (&'static str, Box<dyn Fn(&[u8])>);
+
+fn target(name: &'static str, run: impl Fn(&[u8]) + 'static) -> Target {
+    (name, Box::new(run))
+}
+
+/// One file for the programs of all readers.
+#[path = "../fuzz/targets/reader.rs"]
+#[allow(dead_code, unused_attributes, unreachable_pub, reason = "written as a program of its own")]
+mod reader;
 
 targets! {
     archive "../fuzz/targets/archive.rs"
     archive_directory "../fuzz/targets/archive_directory.rs"
     blockmap "../fuzz/targets/blockmap.rs"
-    citygml "../fuzz/targets/citygml.rs"
-    cityjson "../fuzz/targets/cityjson.rs"
-    cityjsonseq "../fuzz/targets/cityjsonseq.rs"
-    csv "../fuzz/targets/csv.rs"
     elevation "../fuzz/targets/elevation.rs"
     filter "../fuzz/targets/filter.rs"
     filtered_objects "../fuzz/targets/filtered_objects.rs"
-    flatgeobuf "../fuzz/targets/flatgeobuf.rs"
-    geojson "../fuzz/targets/geojson.rs"
-    geopackage "../fuzz/targets/geopackage.rs"
-    geoparquet "../fuzz/targets/geoparquet.rs"
-    gltf "../fuzz/targets/gltf.rs"
     manifest "../fuzz/targets/manifest.rs"
     mesh "../fuzz/targets/mesh.rs"
     mesh_tile "../fuzz/targets/mesh_tile.rs"
-    obj "../fuzz/targets/obj.rs"
     object_block "../fuzz/targets/object_block.rs"
-    openstreetmap "../fuzz/targets/openstreetmap.rs"
-    openstreetmap_xml "../fuzz/targets/openstreetmap_xml.rs"
-    ply "../fuzz/targets/ply.rs"
     route "../fuzz/targets/route.rs"
     search_index "../fuzz/targets/search_index.rs"
-    shapefile "../fuzz/targets/shapefile.rs"
-    stl "../fuzz/targets/stl.rs"
     subtree "../fuzz/targets/subtree.rs"
     tile "../fuzz/targets/tile.rs"
-    tile3d "../fuzz/targets/tile3d.rs"
     tile_group "../fuzz/targets/tile_group.rs"
-    tileset "../fuzz/targets/tileset.rs"
     visibility_tile "../fuzz/targets/visibility_tile.rs"
 }
 
 fn every_target_is_listed() {
-    let names: BTreeSet<String> = targets().into_iter().map(|(name, _)| name.to_owned()).collect();
+    let names: BTreeSet<&str> = targets().iter().map(|(name, _)| *name).collect();
     let files = tracked_files().expect("files of the repository");
+    let lines = files["tests/fuzz/Cargo.toml"].lines();
+    let mut programs: BTreeSet<&str> =
+        lines.filter_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"')).collect();
+    assert!(programs.remove("insula-fuzz"));
+    assert_eq!(names, programs);
     let found = files.keys().filter_map(|file| file.strip_prefix("tests/fuzz/targets/")?.strip_suffix(".rs"));
-    let found: BTreeSet<String> = found.filter(|name| !name.contains('/')).map(str::to_owned).collect();
-    assert_eq!(names, found);
+    for file in found.filter(|name| !name.contains('/')) {
+        assert!(names.contains(file) || file == "reader", "{file} is no program");
+    }
 }
 
 /// A file that is named if it makes a target fail.
