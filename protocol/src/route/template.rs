@@ -6,65 +6,67 @@ use super::{
 };
 use crate::TileKind;
 
-/// A kind of address. As a metrics label it is bounded, whatever clients request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum RouteTemplate {
-    Subtrees,
-    BlockMaps,
-    Meshes,
-    Objects,
-    Visibility,
-    Search,
-    Filter,
-    Groups,
-    Draw,
-    Analyse,
-    Tileset,
-    TilesetFile,
-    Manifest,
-    Cities,
-    Index,
-    OpenApi,
-    Health,
-    Readiness,
-    Metrics,
-    CityPage,
-    Thumbnail,
-    Asset,
-    ServiceWorker,
-    /// All paths without a route.
-    Other,
+/// Declares each kind of address once: its name, its label in metrics, its path with variable segments in braces.
+macro_rules! templates {
+    ($($name:ident $label:expr, $pattern:expr;)*) => {
+        /// A kind of address. As a metrics label it is bounded, whatever clients request.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum RouteTemplate {
+            $($name,)*
+            /// All paths without a route.
+            Other,
+        }
+
+        impl RouteTemplate {
+            /// All templates, in the order of their discriminants.
+            pub const ALL: [Self; 24] = [$(Self::$name,)* Self::Other];
+
+            /// The value of the `route` label in metrics.
+            pub const fn label(self) -> &'static str {
+                match self {
+                    $(Self::$name => $label,)*
+                    Self::Other => "other",
+                }
+            }
+
+            /// The path with its variable segments in braces; `None` for [`RouteTemplate::Other`].
+            pub const fn pattern(self) -> Option<&'static str> {
+                match self {
+                    $(Self::$name => Some($pattern),)*
+                    Self::Other => None,
+                }
+            }
+        }
+    };
+}
+
+templates! {
+    Subtrees "subtrees", "/v1/cities/{city}/{version}/subtrees/{level}/{x}/{y}";
+    BlockMaps "blockmaps", "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}";
+    Meshes "meshes", "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}";
+    Objects "objects", "/v1/cities/{city}/{version}/objects/{block}";
+    Visibility "visibility", "/v1/cities/{city}/{version}/visibility/{level}/{x}/{y}";
+    Search SEARCH, "/v1/cities/{city}/{version}/search";
+    Filter FILTER, "/v1/cities/{city}/{version}/filter";
+    Groups GROUPS, "/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}";
+    Draw DRAW, "/v1/cities/{city}/draw";
+    Analyse ANALYSE, "/v1/cities/{city}/analyse";
+    Tileset "tileset", "/v1/cities/{city}/3dtiles/tileset.json";
+    TilesetFile "tileset-files", "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}";
+    Manifest "manifest", "/v1/cities/{city}";
+    Cities "cities", CITIES;
+    Index "index", "/";
+    OpenApi "openapi", OPENAPI;
+    Health "healthz", HEALTH;
+    Readiness "readyz", READINESS;
+    Metrics "metrics", METRICS;
+    CityPage "page", "/cities/{city}";
+    Thumbnail "thumbnail", "/cities/{city}/thumbnail.jpg";
+    Asset "asset", "/assets/{hash}/{file}";
+    ServiceWorker "service-worker", SERVICE_WORKER;
 }
 
 impl RouteTemplate {
-    /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 24] = [
-        Self::Subtrees,
-        Self::BlockMaps,
-        Self::Meshes,
-        Self::Objects,
-        Self::Visibility,
-        Self::Search,
-        Self::Filter,
-        Self::Groups,
-        Self::Draw,
-        Self::Analyse,
-        Self::Tileset,
-        Self::TilesetFile,
-        Self::Manifest,
-        Self::Cities,
-        Self::Index,
-        Self::OpenApi,
-        Self::Health,
-        Self::Readiness,
-        Self::Metrics,
-        Self::CityPage,
-        Self::Thumbnail,
-        Self::Asset,
-        Self::ServiceWorker,
-        Self::Other,
-    ];
-
     /// Classifies any path by its shape alone. Unlike [`super::Route::parse`] it also classifies addresses with invalid names
     /// or numbers, and counts everything below a tile kind as that kind, and everything below a search or filter as such.
     pub fn of_path(path: &str) -> Self {
@@ -104,66 +106,6 @@ impl RouteTemplate {
             TileKind::Objects => Self::Objects,
             TileKind::Visibility => Self::Visibility,
         }
-    }
-
-    /// The value of the `route` label in metrics.
-    pub const fn label(self) -> &'static str {
-        match self {
-            Self::Subtrees => "subtrees",
-            Self::BlockMaps => "blockmaps",
-            Self::Meshes => "meshes",
-            Self::Objects => "objects",
-            Self::Visibility => "visibility",
-            Self::Search => SEARCH,
-            Self::Filter => FILTER,
-            Self::Groups => GROUPS,
-            Self::Draw => DRAW,
-            Self::Analyse => ANALYSE,
-            Self::Tileset => "tileset",
-            Self::TilesetFile => "tileset-files",
-            Self::Manifest => "manifest",
-            Self::Cities => "cities",
-            Self::Index => "index",
-            Self::OpenApi => "openapi",
-            Self::Health => "healthz",
-            Self::Readiness => "readyz",
-            Self::Metrics => "metrics",
-            Self::CityPage => "page",
-            Self::Thumbnail => "thumbnail",
-            Self::Asset => "asset",
-            Self::ServiceWorker => "service-worker",
-            Self::Other => "other",
-        }
-    }
-
-    /// The path with its variable segments in braces; `None` for [`RouteTemplate::Other`].
-    pub const fn pattern(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Subtrees => "/v1/cities/{city}/{version}/subtrees/{level}/{x}/{y}",
-            Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
-            Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
-            Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
-            Self::Visibility => "/v1/cities/{city}/{version}/visibility/{level}/{x}/{y}",
-            Self::Search => "/v1/cities/{city}/{version}/search",
-            Self::Filter => "/v1/cities/{city}/{version}/filter",
-            Self::Groups => "/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}",
-            Self::Draw => "/v1/cities/{city}/draw",
-            Self::Analyse => "/v1/cities/{city}/analyse",
-            Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
-            Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
-            Self::Manifest => "/v1/cities/{city}",
-            Self::Cities => CITIES,
-            Self::Index => "/",
-            Self::OpenApi => OPENAPI,
-            Self::Health => HEALTH,
-            Self::Readiness => READINESS,
-            Self::Metrics => METRICS,
-            Self::CityPage => "/cities/{city}",
-            Self::Thumbnail => "/cities/{city}/thumbnail.jpg",
-            Self::Asset => "/assets/{hash}/{file}",
-            Self::ServiceWorker => SERVICE_WORKER,
-            Self::Other => return None,
-        })
     }
 
     /// Whether the address is for operators. These stay available under load and have no rate limit.
