@@ -4,7 +4,7 @@ use super::{
     fetch::Http,
     jitter::jitter,
     location::{CityLocation, page_of},
-    source::{disk::CachedCity, searchable},
+    source::{disk::CachedCity, folder},
 };
 use crate::error::{ClientError, ListedCity, Result};
 use bytes::Bytes;
@@ -82,7 +82,7 @@ impl CityOpener<'_> {
     fn local_folder(&self, path: &Path) -> Result<OpenedCity> {
         let manifest = read_manifest(path).map_err(|error| ClientError::Failed(error.to_string()))?;
         self.check_name(&manifest)?;
-        let source = searchable::in_folder(path, &manifest, self.http);
+        let source = folder::open(path, &manifest, self.http);
         Ok(OpenedCity { address: String::new(), manifest, source: Arc::new(source) })
     }
 

@@ -2,4 +2,3 @@
 
 pub mod disk;
 pub mod folder;
-pub mod searchable;

@@ -1,22 +1,47 @@
-//! A city's archives in a folder or on a plain host.
+//! A city's archives in a folder or on a plain host. Its index of texts is read in one piece at the first search.
 
-use super::{PendingGroup, PendingTile, TileSource};
+use super::{BoxFuture, PendingGroup, PendingTile, Shareable, TileSource};
 use crate::{scene::TileKey, source::FetchError};
-use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
-use insula_protocol::{Manifest, TileGroup, TileId, TileKind, mesh_tile};
+use bytes::Bytes;
+use futures_util::lock::Mutex;
+use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource, city::SEARCH_FILE};
+use insula_objects::search::{SearchHit, SearchIndex};
+use insula_protocol::{Manifest, TileGroup, TileId, TileKind, manifest::CityMarks, mesh_tile};
+use std::sync::Arc;
 
-/// A city without a server.
-#[derive(Debug)]
-pub struct ArchivedCity {
+/// Future of a city's index; `None` if it has none.
+pub type PendingIndex = BoxFuture<'static, Result<Option<SearchIndex<Bytes>>, FetchError>>;
+
+/// A city without a server, and what reads its index.
+pub struct ArchivedCity<R> {
     location: String,
     city: LazyCity,
+    read_index: R,
+    /// `None` before the first search, `Some(None)` if the city has no index. Searches wait for the first one.
+    index: Mutex<Option<Option<Arc<SearchIndex<Bytes>>>>>,
 }
 
-impl ArchivedCity {
-    /// The city of a manifest. `open` returns the source of each archive; `location` is for people.
-    pub fn new(location: String, manifest: &Manifest, open: impl Fn(TileKind) -> SharedSource) -> Self {
-        Self { location, city: LazyCity::new(manifest, open) }
+impl<R: Fn() -> PendingIndex> ArchivedCity<R> {
+    /// The city of a manifest. `open` returns the source of each archive; `location` is for people. `read_index` is called at the first
+    /// search, and again after it failed.
+    pub fn new(location: String, manifest: &Manifest, open: impl Fn(TileKind) -> SharedSource, read_index: R) -> Self {
+        Self { location, city: LazyCity::new(manifest, open), read_index, index: Mutex::new(None) }
     }
+
+    async fn index(&self) -> Result<Option<Arc<SearchIndex<Bytes>>>, FetchError> {
+        let mut known = self.index.lock().await;
+        if let Some(index) = &*known {
+            return Ok(index.clone());
+        }
+        let index = (self.read_index)().await?.map(Arc::new);
+        *known = Some(index.clone());
+        Ok(index)
+    }
+}
+
+/// Checks the bytes of an index of a city whose manifest has these marks. Fails if they are none, or of another bake.
+pub fn open_index(bytes: Bytes, marks: Option<CityMarks>) -> Result<SearchIndex<Bytes>, FetchError> {
+    SearchIndex::of_city(bytes, marks).map_err(|error| FetchError::Archive(format!("{SEARCH_FILE}: {error}")))
 }
 
 /// A tile's id in its archive. Fails if a mesh cannot exist.
@@ -27,7 +52,7 @@ fn archive_id(key: TileKey) -> Result<TileId, FetchError> {
     }
 }
 
-impl TileSource for ArchivedCity {
+impl<R: Fn() -> PendingIndex + Shareable> TileSource for ArchivedCity<R> {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         Box::pin(async move {
             let id = archive_id(key)?;
@@ -44,6 +69,10 @@ impl TileSource for ArchivedCity {
 
     fn has_groups(&self) -> bool {
         true
+    }
+
+    fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
+        Box::pin(async move { Ok(self.index().await?.map(|index| index.search(query, limit))) })
     }
 
     fn location(&self) -> &str {

@@ -9,7 +9,6 @@
 pub mod archive;
 mod fetch_error;
 pub mod group_request;
-pub mod searchable;
 pub mod server;
 pub mod web_folder;
 

@@ -2,16 +2,15 @@
 
 use super::{
     RangeResponse, TileSource, Transport,
-    archive::{ArchivedCity, to_read_error},
-    searchable::{SearchableCity, open_index},
+    archive::{ArchivedCity, open_index, to_read_error},
 };
 use crate::source::FetchError;
 use bytes::Bytes;
 use insula_archive::{
-    RangeRead, RangeSource, ReadError,
+    RangeRead, RangeSource, ReadError, SharedSource,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
 };
-use insula_protocol::Manifest;
+use insula_protocol::{Manifest, TileKind};
 use std::{
     ops::Range,
     sync::{Arc, OnceLock},
@@ -29,14 +28,14 @@ struct WebArchive {
 /// The city at `base`, an address without a slash at its end, in the version of its manifest.
 pub fn open(base: &str, manifest: &Manifest, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
     let (version, marks) = (&manifest.version, manifest.marks);
-    let archives = ArchivedCity::new(base.to_owned(), manifest, |kind| {
+    let archive = |kind: TileKind| -> SharedSource {
         // The version keeps caches on the way from answering with files of another bake.
         let url = format!("{base}/{}?v={version}", kind.file_name());
         Arc::new(WebArchive { url, http: http.clone(), first: Arc::default() })
-    });
-    let (url, http) = (format!("{base}/{SEARCH_FILE}?v={version}"), http.clone());
-    SearchableCity::new(archives, move || {
-        let (url, http) = (url.clone(), http.clone());
+    };
+    let (url, index_http) = (format!("{base}/{SEARCH_FILE}?v={version}"), http.clone());
+    ArchivedCity::new(base.to_owned(), manifest, archive, move || {
+        let (url, http) = (url.clone(), index_http.clone());
         Box::pin(async move {
             match http.get(url, MAX_SEARCH_BYTES as usize).await {
                 Err(FetchError::Missing) => Ok(None),
