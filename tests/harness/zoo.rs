@@ -16,7 +16,7 @@ use insula_bake::{
 };
 use insula_protocol::BlockMap;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use std::{f64::consts::TAU, path::PathBuf};
+use std::f64::consts::TAU;
 
 pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
 /// Largest difference of equal distances, in cells.
@@ -75,6 +75,12 @@ impl Shapes {
             self.face(&[low[i], low[next], high[next], high[i]], paint::WALL);
         }
         self
+    }
+
+    /// Level ground at height zero as an object of its own, before the next.
+    pub fn level_ground(&mut self, half_side_m: f64) -> &mut Self {
+        let square: Vec<DVec3> = rectangle([-half_side_m; 2], [half_side_m; 2]).iter().map(|p| p.extend(0.0)).collect();
+        self.object(ObjectKind::Terrain).face(&square, paint::GROUND).object(ObjectKind::Building)
     }
 
     pub fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) -> &mut Self {
@@ -164,31 +170,34 @@ impl ShapeScore {
     }
 }
 
-/// Folder of the pictures of the shapes: `zoo` beside the programs of the build.
-pub fn pictures_folder() -> Result<PathBuf> {
-    build_folder("zoo")
+/// Writes rows of frames, all of one size, as `NAME.png` to the folder `zoo` beside the programs of the build.
+pub fn save_frames(name: &str, rows: &[Vec<Pixels>]) -> Result<()> {
+    let first = rows.first().and_then(|row| row.first()).context("no frames")?;
+    let (width, height) = (first.width_px, first.height_px);
+    let image = RgbImage::from_fn(width * rows[0].len() as u32, height * rows.len() as u32, |x, y| {
+        let frame = &rows[(y / height) as usize][(x / width) as usize];
+        let [r, g, b, _] = frame.colour[(y % height * width + x % width) as usize].to_le_bytes();
+        Rgb([r, g, b])
+    });
+    image.save(build_folder("zoo")?.join(format!("{name}.png")))?;
+    Ok(())
 }
 
 pub struct BakedShape {
     pub truth: Truth,
     pub baked: Baked,
-    image_path: PathBuf,
+    name: String,
     _folder: tempfile::TempDir,
 }
 
 impl BakedShape {
-    /// Bakes a scene. [`Self::score`] writes `NAME.png` to [`pictures_folder`].
+    /// Bakes a scene. [`Self::score`] saves its pictures by this name.
     pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let out = folder.path().join("city");
         let options = BakeOptions { out: out.clone(), cell_m, ..BakeOptions::default() };
         insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
-        Ok(Self {
-            truth: Truth::new(scene),
-            baked: Baked::open(&out)?,
-            image_path: pictures_folder()?.join(format!("{name}.png")),
-            _folder: folder,
-        })
+        Ok(Self { truth: Truth::new(scene), baked: Baked::open(&out)?, name: name.to_owned(), _folder: folder })
     }
 
     pub fn leaves(&self) -> Result<Vec<BlockMap>> {
@@ -204,10 +213,8 @@ impl BakedShape {
     /// Compares all views and writes an image of them: source, drawn, lit.
     pub fn score(&self, cameras: &[Camera]) -> Result<ShapeScore> {
         let (mut both, mut either, mut near, mut coloured) = (0.0, 0.0, 0.0, 0.0);
-        let (width, height) = (FRAME.width_px, FRAME.height_px);
-        let mut image = RgbImage::new(3 * width, height * cameras.len() as u32);
-        let cell_m = self.baked.manifest().cell_m;
-        for (row, camera) in cameras.iter().enumerate() {
+        let (mut rows, cell_m) = (Vec::new(), self.baked.manifest().cell_m);
+        for camera in cameras {
             let reference = self.truth.render(camera, &FRAME);
             let drawn = self.draw(camera, 0.01, Shading::Albedo)?;
             let lit = self.draw(camera, 0.01, Shading::Lit)?;
@@ -221,15 +228,11 @@ impl BakedShape {
                         coloured += f64::from(alike(reference.colour[i], drawn.colour[i]));
                     }
                 }
-                let (x, y) = (i as u32 % width, i as u32 / width + row as u32 * height);
-                for (column, pixels) in [&reference, &drawn, &lit].into_iter().enumerate() {
-                    let [r, g, b, _] = pixels.colour[i].to_le_bytes();
-                    image.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
-                }
             }
             ensure!(either > 1000.0, "the shape is not in the frame");
+            rows.push(vec![reference, drawn, lit]);
         }
-        image.save(&self.image_path)?;
+        save_frames(&self.name, &rows)?;
         Ok(ShapeScore { iou: both / either, near: near / both, coloured: coloured / near })
     }
 }

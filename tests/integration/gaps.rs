@@ -2,14 +2,12 @@
 //! `gap-NAME.png` in the folder `zoo` of the build shows the source and all levels from the leaves upwards.
 
 use glam::DVec3;
-use image::{Rgb, RgbImage};
-use insula_bake::scene::ObjectKind;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     tests,
     trials::Trials,
     view::Camera,
-    zoo::{BakedShape, FRAME, Shapes, paint, pictures_folder, rectangle},
+    zoo::{BakedShape, FRAME, Shapes, save_frames},
 };
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -84,35 +82,16 @@ fn check(name: &str, shape: &BakedShape, gap_m: f64, opening: &Opening) {
         report.push((cell_m, open_share(&pixels, &drawn)));
         frames.push(drawn);
     }
-    save(name, &frames);
+    save_frames(&format!("gap-{name}"), &[frames]).unwrap();
     println!("{name}: {report:?}");
     assert!(report.last().unwrap().0 >= gap_m, "{name}: the city has too few levels");
     let closed: Vec<_> = report.iter().filter(|(cell_m, open)| *cell_m < 2.0 * gap_m && *open < LEAST_OPEN).collect();
     assert!(closed.is_empty(), "{name}: a gap of {gap_m} m is closed: (cell, open share) = {closed:?} of {report:?}");
 }
 
-fn save(name: &str, frames: &[Pixels]) {
-    let mut image = RgbImage::new(FRAME.width_px * frames.len() as u32, FRAME.height_px);
-    for (k, frame) in frames.iter().enumerate() {
-        for (i, colour) in frame.colour.iter().enumerate() {
-            let [r, g, b, _] = colour.to_le_bytes();
-            let (x, y) = (i as u32 % FRAME.width_px, i as u32 / FRAME.width_px);
-            image.put_pixel(x + k as u32 * FRAME.width_px, y, Rgb([r, g, b]));
-        }
-    }
-    image.save(pictures_folder().unwrap().join(format!("gap-{name}.png"))).unwrap();
-}
-
-/// Level ground at height zero, as an object of its own.
-fn ground(shapes: &mut Shapes, half_side_m: f64) {
-    let square = rectangle([-half_side_m; 2], [half_side_m; 2]);
-    let corners: Vec<DVec3> = square.iter().map(|p| p.extend(0.0)).collect();
-    shapes.object(ObjectKind::Terrain).face(&corners, paint::GROUND).object(ObjectKind::Building);
-}
-
 fn four_slabs_with_gaps_of_8_m() {
     let mut shapes = far_apart();
-    ground(&mut shapes, 140.0);
+    shapes.level_ground(140.0);
     for floor in 0..4 {
         let z = 9.0 * f64::from(floor);
         shapes.cuboid([-20.0, -14.0, z], [20.0, 14.0, z + 1.0]);
@@ -128,7 +107,7 @@ fn a_bridge() {
     for with_ground in [false, true] {
         let mut shapes = far_apart();
         if with_ground {
-            ground(&mut shapes, 140.0);
+            shapes.level_ground(140.0);
         }
         shapes.cuboid([-25.0, -5.0, 6.0], [25.0, 5.0, 7.0]);
         shapes.cuboid([-25.0, -5.0, 0.0], [-23.0, 5.0, 6.0]).cuboid([23.0, -5.0, 0.0], [25.0, 5.0, 6.0]);
@@ -139,7 +118,7 @@ fn a_bridge() {
 
 fn an_arcade() {
     let mut shapes = far_apart();
-    ground(&mut shapes, 140.0);
+    shapes.level_ground(140.0);
     shapes.cuboid([-19.0, -4.0, 4.0], [19.0, 4.0, 12.0]);
     let mut openings = Vec::new();
     for k in 0..8 {
@@ -155,7 +134,7 @@ fn an_elevated_road() {
     for with_ground in [false, true] {
         let mut shapes = far_apart();
         if with_ground {
-            ground(&mut shapes, 140.0);
+            shapes.level_ground(140.0);
         }
         shapes.cuboid([-100.0, -6.0, 7.0], [100.0, 6.0, 8.2]);
         for k in 0..10 {

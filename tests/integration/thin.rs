@@ -2,14 +2,13 @@
 //! that of the source. `thin-NAME.png` in the folder `zoo` of the build shows all levels from the leaves upwards.
 
 use glam::DVec3;
-use image::{Rgb, RgbImage};
 use insula_bake::scene::ObjectKind;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_tests::{
     tests,
     trials::Trials,
     view::{Camera, FrameSpec},
-    zoo::{BakedShape, Shapes, paint, pictures_folder, rectangle},
+    zoo::{BakedShape, Shapes, save_frames},
 };
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -72,9 +71,7 @@ fn drawn_m2(thing: &Thing, camera: &Camera, drawn: &Pixels) -> f64 {
 fn check(name: &str, cell_m: f64, has_terrain: bool) {
     let mut shapes = Shapes::default();
     if has_terrain {
-        let square = rectangle([-140.0; 2], [140.0; 2]);
-        let corners: Vec<DVec3> = square.iter().map(|p| p.extend(0.0)).collect();
-        shapes.object(ObjectKind::Terrain).face(&corners, paint::GROUND).object(ObjectKind::Building);
+        shapes.level_ground(140.0);
     }
     let things = things(&mut shapes);
     // So that there are levels up to the largest cell.
@@ -100,24 +97,11 @@ fn check(name: &str, cell_m: f64, has_terrain: bool) {
                 wrong.push((thing.name, level_cell_m, ratio));
             }
         }
-        frames.push(drawn);
+        frames.push(vec![drawn]);
     }
-    save(name, &frames);
+    save_frames(&format!("thin-{name}"), &frames).unwrap();
     assert!(frames.len() > (CELLS_M[1] / cell_m).log2() as usize, "the city has too few levels");
     assert!(wrong.is_empty(), "{name}: drawn pixels, of those that are right: {wrong:?}");
-}
-
-/// The levels, one below the other.
-fn save(name: &str, frames: &[Pixels]) {
-    let mut image = RgbImage::new(FRAME.width_px, FRAME.height_px * frames.len() as u32);
-    for (k, frame) in frames.iter().enumerate() {
-        for (i, colour) in frame.colour.iter().enumerate() {
-            let [r, g, b, _] = colour.to_le_bytes();
-            let (x, y) = (i as u32 % FRAME.width_px, i as u32 / FRAME.width_px);
-            image.put_pixel(x, y + k as u32 * FRAME.height_px, Rgb([r, g, b]));
-        }
-    }
-    image.save(pictures_folder().unwrap().join(format!("thin-{name}.png"))).unwrap();
 }
 
 fn thin_things_in_the_open() {
