@@ -1,6 +1,7 @@
 //! Compares the frames of two ray-casters.
 
-use crate::draw_list::Scene;
+use crate::{draw_list::Scene, gpu::Gpu, view::Camera};
+use anyhow::{Result, bail};
 use glam::Vec2;
 use insula_shaders::cpu::raycast::Pixels;
 
@@ -66,6 +67,19 @@ fn holds_edge(near: &Pixels) -> bool {
     let (colour, distance) = (near.colour[0], near.distance[0]);
     !near.colour.iter().all(|near| same_colour(*near, colour, COLOUR_STEPS))
         || !near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
+}
+
+/// Fails unless the GPU draws a scene as the CPU does. The error has `what` and the values of a pixel that differs.
+pub fn agree(gpu: &Gpu, scene: &Scene<'_>, camera: &Camera, what: &str) -> Result<Difference> {
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
+    let difference = compare_twins(scene, &on_cpu, &on_gpu);
+    if let Err(error) = difference.check() {
+        let at = difference.off_edge.first().copied().or(difference.first).unwrap_or_default();
+        let i = (at[1] * scene.frame.width_px + at[0]) as usize;
+        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
+        bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
+    }
+    Ok(difference)
 }
 
 /// Compares two frames. Frames of different sizes differ everywhere.

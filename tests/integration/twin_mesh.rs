@@ -11,7 +11,7 @@ use insula_protocol::{
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
 use insula_test_support::tier;
 use insula_tests::{
-    draw_list::{CityArea, DrawList, Scene},
+    draw_list::{CityArea, DrawList},
     gpu::Gpu,
     gpu_tests,
     random::{self, Pose, RandomCity},
@@ -68,19 +68,7 @@ fn twins_agree(
 ) -> Result<twin::Difference> {
     let mut scene = city.draw_list.scene(camera, spec);
     scene.frame.shadow_m = shadow_m;
-    scene_agrees(gpu, &scene, camera, what)
-}
-
-fn scene_agrees(gpu: &Gpu, scene: &Scene<'_>, camera: &Camera, what: &str) -> Result<twin::Difference> {
-    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
-    let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
-    if let Err(error) = difference.check() {
-        let at = difference.off_edge.first().copied().or(difference.first).unwrap_or_default();
-        let i = (at[1] * scene.frame.width_px + at[0]) as usize;
-        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
-        anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
-    }
-    Ok(difference)
+    twin::agree(gpu, &scene, camera, what)
 }
 
 fn no_ray_on_the_gpu_passes_a_closed_surface(gpu: &Gpu) -> Result<()> {
@@ -117,7 +105,7 @@ fn gpu_draws_what_is_added_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
             let mut scene = city.draw_list.scene(&camera, &FRAME);
             scene.frame.shadow_m = 500.0;
             scene.add_moved_meshes([7.0, -3.0, 5.0]);
-            scene_agrees(gpu, &scene, &camera, &format!("city {seed} with additions, {pose:?}"))?;
+            twin::agree(gpu, &scene, &camera, &format!("city {seed} with additions, {pose:?}"))?;
         }
     }
     Ok(())
@@ -197,21 +185,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
         let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8);
         let flat = octahedral::encode([0.0, 0.0, 1.0]);
-        let (z_min, z_max) = (0, 32);
-        let no = MapColumn {
-            z_min,
-            z_max,
-            inclined: false,
-            suspended: false,
-            gap: None,
-            roof: texel,
-            roof_normal: flat,
-            strip: None,
-            clip: None,
-            reflective: false,
-            thin: None,
-        };
-        Some(no)
+        Some(MapColumn { z_max: 32, roof: texel, roof_normal: flat, ..MapColumn::default() })
     };
     let columns: Vec<Option<MapColumn>> = (0..COLUMNS).map(column).collect();
     let map = BlockMap::from_columns(TileId::ROOT, 8.0, 0, 0, &columns).context("a flat node")?;

@@ -22,7 +22,7 @@ use insula_shaders::{
 };
 use insula_test_support::tier;
 use insula_tests::{
-    draw_list::{CityArea, DrawList, Scene},
+    draw_list::{CityArea, DrawList},
     gpu::Gpu,
     gpu_tests,
     random::{self, Pose, RandomCity},
@@ -78,25 +78,7 @@ fn twins_agree(
     let mut scene = city.draw_list.scene(camera, spec);
     scene.frame.ground = spec.samples % 2;
     scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
-    scenes_agree(gpu, &scene, spec, camera, what)
-}
-
-fn scenes_agree(
-    gpu: &Gpu,
-    scene: &Scene<'_>,
-    spec: &FrameSpec,
-    camera: &Camera,
-    what: &str,
-) -> Result<twin::Difference> {
-    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
-    let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
-    if let Err(error) = difference.check() {
-        let at = difference.off_edge.first().copied().or(difference.first).unwrap_or_default();
-        let i = (at[1] * spec.width_px + at[0]) as usize;
-        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
-        anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
-    }
-    Ok(difference)
+    twin::agree(gpu, &scene, camera, what)
 }
 
 fn gpu_draws_what_the_cpu_draws(gpu: &Gpu) -> Result<()> {
@@ -147,7 +129,7 @@ fn gpu_and_cpu_agree_on_objects(gpu: &Gpu) -> Result<()> {
             let spec = FrameSpec { shading, samples, ..FRAME };
             let mut scene = city.draw_list.scene(&camera, &spec);
             scene.frame.objects = 1;
-            scenes_agree(gpu, &scene, &spec, &camera, "objects")?;
+            twin::agree(gpu, &scene, &camera, "objects")?;
             if shading == Shading::Objects {
                 let pixels = scene.render();
                 let objects: Vec<u32> =
@@ -184,16 +166,16 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
                 (sun.into(), Light::new(sun, Air { visibility_m, ..Air::default() }, &night));
             scene.frame.bays = bays_of(camera.position.into(), 1.0 / FRAME.height_px as f32);
             scene.frame.shadow_m = shadow_m;
-            scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
+            twin::agree(gpu, &scene, &camera, &format!("sun {height} high, {pose:?}"))?;
             for look in [Look::Model, Look::Paper] {
                 let mut graded = scene.clone();
                 // Lines turn an edge that is one pixel off into several.
                 graded.frame = FrameUniform { edges: [0.0; 4], ..in_look(scene.frame, look) };
-                scenes_agree(gpu, &graded, &FRAME, &camera, &format!("sun {height} high, {pose:?}, {look:?}"))?;
+                twin::agree(gpu, &graded, &camera, &format!("sun {height} high, {pose:?}, {look:?}"))?;
             }
             let occluded = scene.render();
             scene.frame.light.sky_up[3] = 1.0;
-            scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}, without occlusion"))?;
+            twin::agree(gpu, &scene, &camera, &format!("sun {height} high, {pose:?}, without occlusion"))?;
             ensure!(i > 0 || scene.render().colour != occluded.colour, "occlusion is visible by day");
         }
     }
@@ -212,7 +194,7 @@ fn gpu_and_cpu_agree_during_cross_fades(gpu: &Gpu) -> Result<()> {
             scene.frame.shadow_m = if pose == Pose::Above { 1e3 } else { 0.0 };
             let what = format!("city {seed}, {pose:?}, {share} of 64");
             if samples == 1 {
-                scenes_agree(gpu, &scene, &spec, &camera, &what)?;
+                twin::agree(gpu, &scene, &camera, &what)?;
             } else {
                 // Edges between the rays of one pixel are not searched for.
                 let differing = twin::compare(&scene.render(), &gpu.render(&scene)?).differing;
@@ -300,7 +282,7 @@ fn gpu_and_cpu_agree_on_water(gpu: &Gpu) -> Result<()> {
             let sun = Vec3::new(-0.4, 0.0, 0.9);
             (scene.frame.sun, scene.frame.light) = (sun.normalize().into(), Light::of_sun(sun, Air::default()));
             scene.frame.shadow_m = 100.0;
-            scenes_agree(gpu, &scene, &FRAME, &camera, what)?;
+            twin::agree(gpu, &scene, &camera, what)?;
             let middle = (FRAME.width_px * (FRAME.height_px / 2) + FRAME.width_px / 2) as usize;
             Ok(decode_radiance(scene.render().radiance[middle]).z)
         };
@@ -342,7 +324,7 @@ fn gpu_and_cpu_agree_on_the_sea_beyond_a_city(gpu: &Gpu) -> Result<()> {
         (scene.frame.sun, scene.frame.light) = (sun.normalize().into(), Light::of_sun(sun, Air::default()));
         (scene.frame.ground, scene.frame.ground_z_m) = (1, 1.0 - camera.position[2] as f32);
         shore.write(&mut scene.frame, -DVec3::from(camera.position).truncate(), NODE_CELLS as f64);
-        scenes_agree(gpu, &scene, &FRAME, &camera, "the sea beyond a city")?;
+        twin::agree(gpu, &scene, &camera, "the sea beyond a city")?;
         let picture = scene.render();
         for i in 0..FRAME.width_px * FRAME.height_px {
             let ray = camera.ray(&FRAME, i % FRAME.width_px, i / FRAME.width_px);
