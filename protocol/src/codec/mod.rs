@@ -3,7 +3,7 @@
 //! Within this crate, only these modules call the `bincode` and `zstd` crates.
 
 pub mod bincode;
-pub(crate) mod byte_reader;
+pub mod byte_reader;
 pub mod object_names;
 pub mod range;
 pub(crate) mod rans;

@@ -1,14 +1,16 @@
 //! Columns of a block: the values of one attribute, in the order of the rows that have it.
 
 use super::{
-    bytes::{Reader, push_varint},
     floats,
     numbers::{self, History},
     rows::RowSet,
     text_list::{self, Context, TextBudget, TextList},
 };
 use crate::value::{ValueRef, ValueType};
-use insula_protocol::DecodeError;
+use insula_protocol::{
+    DecodeError,
+    codec::{byte_reader::ByteReader, varint::push64},
+};
 use std::collections::BTreeMap;
 
 /// Codings of texts: a text for each row, or distinct texts and the index of each row's.
@@ -87,7 +89,7 @@ pub(super) fn encode(
 
 /// Decodes the values of a column. The inverse of [`encode`].
 pub(super) fn decode(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     value_type: ValueType,
     rows: &[u16],
     identifiers: &TextList,
@@ -134,7 +136,7 @@ fn encode_texts(out: &mut Vec<u8>, rows: &[u16], texts: &[&str], identifiers: &T
     let coded = numbers::encode(&indices, Some(rows), history);
     if distinct.len() < texts.len() && list.cost + coded.cost < per_row.cost {
         out.push(DISTINCT_TEXTS);
-        push_varint(out, distinct.len() as u64);
+        push64(out, distinct.len() as u64);
         out.extend_from_slice(&list.bytes);
         out.extend_from_slice(&coded.bytes);
         history.push(rows, &indices);
@@ -146,7 +148,7 @@ fn encode_texts(out: &mut Vec<u8>, rows: &[u16], texts: &[&str], identifiers: &T
 }
 
 fn decode_texts(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     rows: &[u16],
     identifiers: &TextList,
     history: &mut History,

@@ -2,7 +2,6 @@
 
 use super::{
     BLOCK_OBJECTS, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, VERSION,
-    bytes::Reader,
     columns::{self, AttributeColumn},
     encode::{first_id, limit},
     numbers::{self, History},
@@ -12,13 +11,13 @@ use super::{
 use crate::{kind::FeatureKind, schema::Schema};
 use insula_protocol::{
     DecodeError,
-    codec::{checksum, zstd},
+    codec::{byte_reader::ByteReader, checksum, zstd},
 };
 
 impl ObjectBlock {
     /// Decodes block `block` of a city with this schema. Fails on any bytes that are not that block.
     pub fn decode(block: u32, bytes: &[u8], schema: &Schema) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         if reader.array()? != MAGIC {
             return Err(DecodeError::Invalid("not a block of objects: the magic bytes are missing"));
         }
@@ -41,7 +40,7 @@ impl ObjectBlock {
     }
 
     pub(super) fn decode_payload(block: u32, payload: &[u8], schema: &Schema) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(payload);
+        let mut reader = ByteReader::new(payload);
         let slots = reader.count("the number of objects of a block", BLOCK_OBJECTS)?;
         let first = first_id(block).ok_or(DecodeError::Invalid("the ids of a block have more than 32 bits"))?;
         let slots = RowSets::new(slots).decode(&mut reader)?.rows();
@@ -80,7 +79,7 @@ impl ObjectBlock {
     }
 }
 
-fn decode_kinds(reader: &mut Reader<'_>, count: usize, history: &History) -> Result<Vec<FeatureKind>, DecodeError> {
+fn decode_kinds(reader: &mut ByteReader<'_>, count: usize, history: &History) -> Result<Vec<FeatureKind>, DecodeError> {
     let kind =
         |index: i64| usize::try_from(index).ok().and_then(|index| FeatureKind::NAMES.get(index)).map(|(_, kind)| *kind);
     let kinds = numbers::decode(reader, count, None, history)?.into_iter().map(kind).collect::<Option<_>>();
@@ -88,7 +87,7 @@ fn decode_kinds(reader: &mut Reader<'_>, count: usize, history: &History) -> Res
 }
 
 fn decode_parents(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     ids: &[u32],
     row_sets: &mut RowSets,
     history: &History,
@@ -108,7 +107,7 @@ fn decode_parents(
 }
 
 fn decode_bounds(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     count: usize,
     row_sets: &mut RowSets,
     history: &mut History,

@@ -1,9 +1,7 @@
 //! Encoding of a block.
 
 use super::{
-    BLOCK_OBJECTS, HEADER_BYTES, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, ObjectRecord, VERSION,
-    bytes::push_varint,
-    columns,
+    BLOCK_OBJECTS, HEADER_BYTES, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, ObjectRecord, VERSION, columns,
     numbers::{self, History},
     rows::{RowSet, RowSets},
     text_list::{self, Context, TextList},
@@ -15,7 +13,7 @@ use crate::{
 };
 use insula_protocol::{
     DecodeError,
-    codec::{checksum, zstd},
+    codec::{checksum, varint::push64, zstd},
 };
 use std::collections::BTreeMap;
 
@@ -48,7 +46,7 @@ fn encode_payload(block: u32, records: &[Option<ObjectRecord>], schema: &Schema)
     let rows: Vec<&ObjectRecord> = in_use().map(|(_, record)| record).collect();
     check(&rows, schema)?;
     let mut out = Vec::new();
-    push_varint(&mut out, records.len() as u64);
+    push64(&mut out, records.len() as u64);
     RowSets::new(records.len()).encode(&mut out, in_use().map(|(slot, _)| slot).collect());
 
     let mut history = History::new(rows.len());
@@ -64,11 +62,11 @@ fn encode_payload(block: u32, records: &[Option<ObjectRecord>], schema: &Schema)
             values.push(value.borrowed());
         }
     }
-    push_varint(&mut out, attributes.len() as u64);
+    push64(&mut out, attributes.len() as u64);
     let mut next = 0;
     for (attribute, (rows, values)) in &attributes {
         let info = schema.attributes.get(*attribute as usize).ok_or(UNKNOWN_ATTRIBUTE)?;
-        push_varint(&mut out, u64::from(attribute - next));
+        push64(&mut out, u64::from(attribute - next));
         next = attribute + 1;
         out.push(info.value_type as u8);
         row_sets.encode(&mut out, rows.iter().map(|row| usize::from(*row)).collect());

@@ -5,11 +5,10 @@
 //! kind, and corrections in steps from one f64 to the next.
 
 use super::{
-    bytes::Reader,
     cost::Cost,
     numbers::{self, History},
 };
-use insula_protocol::DecodeError;
+use insula_protocol::{DecodeError, codec::byte_reader::ByteReader};
 
 /// Maximum digits after the point of decimal numbers.
 const MAX_DECIMALS: u8 = 6;
@@ -49,7 +48,11 @@ pub(super) fn encode(out: &mut Vec<u8>, rows: &[u16], floats: &[f64], history: &
 }
 
 /// Decodes a float for each of `rows`. The inverse of [`encode`].
-pub(super) fn decode(reader: &mut Reader<'_>, rows: &[u16], history: &mut History) -> Result<Vec<f64>, DecodeError> {
+pub(super) fn decode(
+    reader: &mut ByteReader<'_>,
+    rows: &[u16],
+    history: &mut History,
+) -> Result<Vec<f64>, DecodeError> {
     let kind = reader.u8()?;
     let integers = numbers::decode(reader, rows.len(), Some(rows), history)?;
     let corrections =
@@ -147,7 +150,7 @@ mod tests {
         let rows: Vec<u16> = (0..floats.len() as u16).collect();
         let mut bytes = Vec::new();
         encode(&mut bytes, &rows, floats, &mut History::new(floats.len()));
-        let mut reader = Reader::new(&bytes);
+        let mut reader = ByteReader::new(&bytes);
         let decoded = decode(&mut reader, &rows, &mut History::new(floats.len())).unwrap();
         reader.finish().unwrap();
         assert!(decoded.iter().map(|value| value.to_bits()).eq(floats.iter().map(|value| value.to_bits())));
@@ -196,7 +199,7 @@ mod tests {
         let constant = |kind: u8, value: i64| {
             let mut bytes = vec![kind];
             bytes.extend(numbers::encode(&[value], None, &History::new(1)).bytes);
-            decode(&mut Reader::new(&bytes), &[0], &mut History::new(1))
+            decode(&mut ByteReader::new(&bytes), &[0], &mut History::new(1))
         };
         assert_eq!(constant(F64, order(2.5)), Ok(vec![2.5]));
         assert!(constant(F64, order(f64::INFINITY)).is_err() && constant(F64, order(f64::NAN)).is_err());

@@ -14,7 +14,6 @@
 //!
 //! All integers of the header are little-endian. `numbers`, `floats`, `text_list` and `columns` describe the codings.
 
-mod bytes;
 mod columns;
 mod cost;
 mod decode;

@@ -6,10 +6,15 @@
 
 use super::{
     BLOCK_OBJECTS,
-    bytes::{Reader, push_varint, unzigzag, zigzag},
     cost::{self, Cost, bits},
 };
-use insula_protocol::DecodeError;
+use insula_protocol::{
+    DecodeError,
+    codec::{
+        byte_reader::ByteReader,
+        varint::{push64, unzigzag64, zigzag64},
+    },
+};
 use std::collections::{BTreeSet, VecDeque};
 
 /// Number of earlier columns to which a column can refer.
@@ -94,7 +99,7 @@ pub(super) fn encode(values: &[i64], rows: Option<&[u16]>, history: &History) ->
     let distinct: Vec<i64> = values.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
     if distinct.len() > 1 && distinct.len() <= values.len() / 2 {
         let mut head = Vec::new();
-        push_varint(&mut head, distinct.len() as u64);
+        push64(&mut head, distinct.len() as u64);
         let list = encode_differences(Transform::Previous, &[], &differences_to_previous(&distinct));
         head.extend_from_slice(&list.bytes);
         let index = |value: &i64| distinct.binary_search(value).unwrap_or_default() as i64;
@@ -139,8 +144,8 @@ fn encode_differences(transform: Transform, head: &[u8], differences: &[i64]) ->
     }
     let mut bytes = vec![transform as u8 | if best.is_some() { 0 } else { PLANES }];
     bytes.extend_from_slice(head);
-    first.iter().for_each(|value| push_varint(&mut bytes, zigzag(*value)));
-    push_varint(&mut bytes, zigzag(base));
+    first.iter().for_each(|value| push64(&mut bytes, zigzag64(*value)));
+    push64(&mut bytes, zigzag64(base));
     match best {
         Some((width, packed)) => {
             bytes.push(width as u8);
@@ -173,7 +178,7 @@ fn pack(out: &mut Vec<u8>, values: impl Iterator<Item = u64>, width: u32) {
 
 /// Decodes `count` values, at most [`BLOCK_OBJECTS`]. The inverse of [`encode`] with the same rows and history.
 pub(super) fn decode(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     count: usize,
     rows: Option<&[u16]>,
     history: &History,
@@ -205,11 +210,11 @@ pub(super) fn decode(
     }
 }
 
-fn decode_sequence(reader: &mut Reader<'_>, count: usize, is_packed: bool) -> Result<Vec<i64>, DecodeError> {
+fn decode_sequence(reader: &mut ByteReader<'_>, count: usize, is_packed: bool) -> Result<Vec<i64>, DecodeError> {
     if count == 0 {
         return decode_offsets(reader, 0, is_packed);
     }
-    let mut value = unzigzag(reader.varint()?);
+    let mut value = unzigzag64(reader.varint64()?);
     let mut values = vec![value];
     for difference in decode_offsets(reader, count - 1, is_packed)? {
         value = value.wrapping_add(difference);
@@ -219,8 +224,8 @@ fn decode_sequence(reader: &mut Reader<'_>, count: usize, is_packed: bool) -> Re
 }
 
 /// Decodes the smallest value, the width and `count` offsets above the smallest value.
-fn decode_offsets(reader: &mut Reader<'_>, count: usize, is_packed: bool) -> Result<Vec<i64>, DecodeError> {
-    let base = unzigzag(reader.varint()?);
+fn decode_offsets(reader: &mut ByteReader<'_>, count: usize, is_packed: bool) -> Result<Vec<i64>, DecodeError> {
+    let base = unzigzag64(reader.varint64()?);
     let width = usize::from(reader.u8()?);
     if width > if is_packed { 64 } else { 8 } {
         return Err(DecodeError::Invalid("a number is wider than 64 bits"));
@@ -256,11 +261,11 @@ mod tests {
 
     fn round_trip(values: &[i64], rows: Option<&[u16]>, history: &History) -> usize {
         let coded = encode(values, rows, history);
-        let mut reader = Reader::new(&coded.bytes);
+        let mut reader = ByteReader::new(&coded.bytes);
         assert_eq!(decode(&mut reader, values.len(), rows, history).unwrap(), values);
         reader.finish().unwrap();
         for length in 0..coded.bytes.len() {
-            assert!(decode(&mut Reader::new(&coded.bytes[..length]), values.len(), rows, history).is_err());
+            assert!(decode(&mut ByteReader::new(&coded.bytes[..length]), values.len(), rows, history).is_err());
         }
         coded.bytes.len()
     }
@@ -296,7 +301,7 @@ mod tests {
     #[test]
     fn damaged_columns_are_refused() {
         let history = History::new(4);
-        let refused = |bytes: &[u8]| decode(&mut Reader::new(bytes), 4, Some(&[0, 1, 2, 3]), &history).is_err();
+        let refused = |bytes: &[u8]| decode(&mut ByteReader::new(bytes), 4, Some(&[0, 1, 2, 3]), &history).is_err();
         // Unknown coding, missing earlier column, widths of 65 bits and 9 bytes, too many distinct numbers, index 3 of 1.
         let damaged: [&[u8]; 6] =
             [&[8, 0, 0], &[2, 1, 0, 0], &[0, 0, 65], &[4, 0, 9], &[3, 0x81, 4, 1, 0], &[3, 1, 1, 0, 0, 0, 6, 0]];

@@ -1,7 +1,7 @@
 //! Sets of rows of a block.
 
-use super::{BLOCK_OBJECTS, bytes::Reader};
-use insula_protocol::DecodeError;
+use super::BLOCK_OBJECTS;
+use insula_protocol::{DecodeError, codec::byte_reader::ByteReader};
 
 const WORDS: usize = BLOCK_OBJECTS / 64;
 
@@ -80,7 +80,7 @@ impl RowSets {
         }
     }
 
-    pub(super) fn decode(&mut self, reader: &mut Reader<'_>) -> Result<RowSet, DecodeError> {
+    pub(super) fn decode(&mut self, reader: &mut ByteReader<'_>) -> Result<RowSet, DecodeError> {
         match reader.u8()? {
             ALL => Ok((0..self.count).collect()),
             NEW => {
@@ -124,7 +124,7 @@ mod tests {
         let mut encoder = RowSets::new(100);
         sets.iter().chain(&sets).for_each(|set| encoder.encode(&mut bytes, *set));
         assert_eq!(bytes.len(), 1 + 4 * 14 + 5);
-        let mut reader = Reader::new(&bytes);
+        let mut reader = ByteReader::new(&bytes);
         let mut decoder = RowSets::new(100);
         for set in sets.iter().chain(&sets) {
             assert_eq!(decoder.decode(&mut reader).unwrap(), *set);
@@ -136,8 +136,8 @@ mod tests {
 
     #[test]
     fn sets_beyond_the_last_row_and_unknown_sets_are_refused() {
-        assert!(RowSets::new(3).decode(&mut Reader::new(&[NEW, 0b1000])).is_err());
-        assert!(RowSets::new(3).decode(&mut Reader::new(&[NEW, 0b0100])).is_ok());
-        assert!(RowSets::new(3).decode(&mut Reader::new(&[KNOWN])).is_err());
+        assert!(RowSets::new(3).decode(&mut ByteReader::new(&[NEW, 0b1000])).is_err());
+        assert!(RowSets::new(3).decode(&mut ByteReader::new(&[NEW, 0b0100])).is_ok());
+        assert!(RowSets::new(3).decode(&mut ByteReader::new(&[KNOWN])).is_err());
     }
 }

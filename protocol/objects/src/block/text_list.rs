@@ -4,13 +4,14 @@
 //! equal pattern, such as `NL.IMBAG.Pand.0503100000012869` or `2010-10-13T12:43:04Z`; or the identifiers of the same rows.
 
 use super::{
-    BLOCK_OBJECTS,
-    bytes::Reader,
-    cost,
+    BLOCK_OBJECTS, cost,
     numbers::{self, Coded, History},
 };
 use crate::value::MAX_TEXT_BYTES;
-use insula_protocol::DecodeError;
+use insula_protocol::{
+    DecodeError,
+    codec::{byte_reader::ByteReader, varint::push64},
+};
 use std::collections::BTreeMap;
 
 /// Maximum bytes of all decoded texts of a block.
@@ -105,7 +106,7 @@ pub(super) fn encode(texts: &[&str], context: Context<'_>) -> (Coded, Runs) {
 
 /// Decodes `count` texts, at most [`BLOCK_OBJECTS`]. The inverse of [`encode`].
 pub(super) fn decode(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     count: usize,
     context: Context<'_>,
     budget: &mut TextBudget,
@@ -148,7 +149,7 @@ fn encode_front(texts: &[&str], history: &History) -> Coded {
 }
 
 fn decode_front(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     count: usize,
     history: &History,
     budget: &mut TextBudget,
@@ -218,7 +219,7 @@ fn encode_patterns(texts: &[&str], context: Context<'_>) -> Option<(Coded, Runs)
     }
     let list: Vec<&str> = patterns.iter().map(String::as_str).collect();
     let mut bytes = Vec::new();
-    super::bytes::push_varint(&mut bytes, patterns.len() as u64);
+    push64(&mut bytes, patterns.len() as u64);
     let mut parts = vec![encode_front(&list, context.history), numbers::encode(&indices, None, context.history)];
     for (rows, values) in &columns {
         parts.push(numbers::encode(values, context.rows.map(|_| rows.as_slice()), context.history));
@@ -230,7 +231,7 @@ fn encode_patterns(texts: &[&str], context: Context<'_>) -> Option<(Coded, Runs)
 }
 
 fn decode_patterns(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     count: usize,
     context: Context<'_>,
     budget: &mut TextBudget,
@@ -298,13 +299,13 @@ mod tests {
 
     fn round_trip(texts: &[&str], context: Context<'_>) -> (usize, Runs) {
         let (coded, runs) = encode(texts, context);
-        let mut reader = Reader::new(&coded.bytes);
+        let mut reader = ByteReader::new(&coded.bytes);
         let (list, decoded_runs) = decode(&mut reader, texts.len(), context, &mut TextBudget::new()).unwrap();
         reader.finish().unwrap();
         assert!(list.iter().eq(texts.iter().copied()));
         assert_eq!(runs, decoded_runs);
         for length in 0..coded.bytes.len() {
-            let mut reader = Reader::new(&coded.bytes[..length]);
+            let mut reader = ByteReader::new(&coded.bytes[..length]);
             assert!(decode(&mut reader, texts.len(), context, &mut TextBudget::new()).is_err(), "{length}");
         }
         (coded.bytes.len(), runs)
@@ -346,10 +347,10 @@ mod tests {
         let (coded, _) = encode(&vec![long.as_str(); 512], context);
         let mut budget = TextBudget::new();
         for _ in 0..8 {
-            assert!(decode(&mut Reader::new(&coded.bytes), 512, context, &mut budget).is_ok());
+            assert!(decode(&mut ByteReader::new(&coded.bytes), 512, context, &mut budget).is_ok());
         }
-        assert!(decode(&mut Reader::new(&coded.bytes), 512, context, &mut budget).is_err());
+        assert!(decode(&mut ByteReader::new(&coded.bytes), 512, context, &mut budget).is_err());
         let (coded, _) = encode(&[&format!("{long}x")], context);
-        assert!(decode(&mut Reader::new(&coded.bytes), 1, context, &mut TextBudget::new()).is_err());
+        assert!(decode(&mut ByteReader::new(&coded.bytes), 1, context, &mut TextBudget::new()).is_err());
     }
 }
