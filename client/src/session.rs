@@ -10,32 +10,23 @@ use crate::{
     report::{FlightSample, FrameTimes, RunReport},
     stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
 };
-use glam::{DVec2, DVec3};
 use insula_protocol::blockmap::NO_OBJECT;
-use insula_shaders::{
-    cpu::{
-        hit_counts::hit_counts,
-        raycast::Pixels,
-        stepped::{FrameProgress, SteppedFrame},
-    },
-    stone::Stone,
+use insula_shaders::cpu::{
+    hit_counts::hit_counts,
+    raycast::Pixels,
+    stepped::{FrameProgress, SteppedFrame},
 };
 use insula_viewer::{
-    cache::{AtlasCache, PAGE_BYTES},
-    camera::{Camera, View},
+    cache::PAGE_BYTES,
     collision::CitySolids,
     frame::{FrameData, RenderSettings},
     objects::ObjectStyles,
     scene::{SceneTree, TreeNode},
-    select::{
-        Selection,
-        occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
-        transitions::Transitions,
-    },
     source::TileSource,
     streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts},
 };
 use std::{
+    ops::{Deref, DerefMut},
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -64,7 +55,7 @@ pub enum PrefetchStep {
     Done,
 }
 
-/// A city that is being viewed.
+/// A city that is being viewed: its [`Streamer`], with a clock and a ray-caster.
 pub struct Session {
     streamer: Streamer<BackgroundFetcher>,
     adapter: Adapter,
@@ -81,6 +72,20 @@ pub struct Session {
     /// Where attributes come from.
     object_source: Option<(Arc<Http>, Arc<dyn TileSource>)>,
     proposal: Option<ShownProposal>,
+}
+
+impl Deref for Session {
+    type Target = Streamer<BackgroundFetcher>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.streamer
+    }
+}
+
+impl DerefMut for Session {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.streamer
+    }
 }
 
 impl Session {
@@ -196,11 +201,6 @@ impl Session {
         self.streamer.set_styles(styles, &mut self.adapter);
     }
 
-    /// Draws the landmarks of stone `number` in another stone from the next frame on.
-    pub fn set_stone(&mut self, number: usize, stone: Stone) {
-        self.streamer.set_stone(number, stone);
-    }
-
     /// The objects of the last frame's pixels, which showed [`Shading::Objects`](insula_shaders::layout::Shading::Objects).
     pub fn objects_of(&self, pixels: &Pixels) -> Vec<u32> {
         pixels.colour.iter().map(|address| self.cache().object_at(*address).unwrap_or(NO_OBJECT)).collect()
@@ -311,46 +311,6 @@ impl Session {
         self.downloads().fetcher().notifier().wait(timeout);
     }
 
-    /// The view of a request seen from `camera`, with this cache's budget.
-    pub fn view(&self, request: &FrameRequest, camera: Camera) -> View {
-        self.streamer.view(request, camera)
-    }
-
-    /// See [`Streamer::set_sun`].
-    pub fn set_sun(&mut self, sun: Option<DVec3>) {
-        self.streamer.set_sun(sun);
-    }
-
-    /// See [`Streamer::set_tau_factor`].
-    pub fn set_tau_factor(&mut self, factor: f64) {
-        self.streamer.set_tau_factor(factor);
-    }
-
-    /// See [`Streamer::set_transitions`].
-    pub fn set_transitions(&mut self, is_on: bool) {
-        self.streamer.set_transitions(is_on);
-    }
-
-    /// See [`Streamer::end_transitions`].
-    pub fn end_transitions(&mut self) {
-        self.streamer.end_transitions();
-    }
-
-    /// See [`Streamer::report_hits`].
-    pub fn report_hits(&mut self, query: &OcclusionQuery, pixels: &[u32]) {
-        self.streamer.report_hits(query, pixels);
-    }
-
-    /// See [`Streamer::box_edges`].
-    pub fn box_edges(&self, request: &FrameRequest) -> Vec<[DVec2; 2]> {
-        self.streamer.box_edges(request)
-    }
-
-    /// Arrays for the ray-caster, for the last selection.
-    pub fn frame_data(&self, request: &FrameRequest, settings: &RenderSettings) -> FrameData {
-        self.streamer.frame_data(request, settings)
-    }
-
     /// The ray-caster.
     pub fn adapter_mut(&mut self) -> &mut Adapter {
         &mut self.adapter
@@ -385,44 +345,9 @@ impl Session {
         }
     }
 
-    /// See [`Streamer::is_settled`].
-    pub fn is_settled(&self) -> bool {
-        self.streamer.is_settled()
-    }
-
-    /// See [`Streamer::is_fetched`].
-    pub fn is_fetched(&self) -> bool {
-        self.streamer.is_fetched()
-    }
-
-    /// See [`Streamer::has_feedback`].
-    pub fn has_feedback(&self, size_px: [u32; 2]) -> bool {
-        self.streamer.has_feedback(size_px)
-    }
-
-    /// See [`Streamer::has_work`].
-    pub fn has_work(&self) -> bool {
-        self.streamer.has_work()
-    }
-
     /// See [`Streamer::stream_status`].
     pub fn stream_status(&self) -> StreamStatus {
         self.streamer.stream_status(self.started.elapsed())
-    }
-
-    /// See [`Streamer::missing_tiles`].
-    pub fn missing_tiles(&self) -> usize {
-        self.streamer.missing_tiles()
-    }
-
-    /// See [`Streamer::lacks_tiles`].
-    pub fn lacks_tiles(&self) -> bool {
-        self.streamer.lacks_tiles()
-    }
-
-    /// See [`Streamer::has_frame`].
-    pub fn has_frame(&self) -> bool {
-        self.streamer.has_frame()
     }
 
     /// Tau of the last request.
@@ -450,39 +375,9 @@ impl Session {
         &self.address
     }
 
-    /// The scene tree.
-    pub fn tree(&self) -> &SceneTree {
-        self.streamer.tree()
-    }
-
-    /// The last selection.
-    pub fn selection(&self) -> &Selection {
-        self.streamer.selection()
-    }
-
-    /// The tile cache.
-    pub fn cache(&self) -> &AtlasCache {
-        self.streamer.cache()
-    }
-
     /// Where the city is solid, as far as its resident tiles say.
     pub fn solids(&self) -> CitySolids<'_> {
         CitySolids::new(self.tree().manifest(), self.cache())
-    }
-
-    /// The requests in flight.
-    pub fn downloads(&self) -> &Downloads<BackgroundFetcher> {
-        self.streamer.downloads()
-    }
-
-    /// The hits of the last frames.
-    pub fn feedback(&self) -> &OcclusionFeedback {
-        self.streamer.feedback()
-    }
-
-    /// The cross-fades of the last frame.
-    pub fn transitions(&self) -> &Transitions {
-        self.streamer.transitions()
     }
 
     /// The ray-caster.
@@ -499,21 +394,6 @@ impl Session {
     pub fn stalls(&self, multiple: f64) -> usize {
         let limit_ms = FrameTimes::new(&self.frame_times).median_ms * multiple;
         self.frame_times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
-    }
-
-    /// See [`Streamer::tile_counts`].
-    pub fn tile_counts(&self) -> TileCounts {
-        self.streamer.tile_counts()
-    }
-
-    /// Tiles that were evicted from the cache so far.
-    pub fn evicted(&self) -> u64 {
-        self.streamer.evicted()
-    }
-
-    /// Tiles that were fetched again after their eviction.
-    pub fn fetched_again(&self) -> u64 {
-        self.streamer.fetched_again()
     }
 
     /// The session's state at `t` seconds of a flight.

@@ -185,7 +185,7 @@ fn a_tile_that_the_server_cannot_read_is_bad() {
 fn drawing_continues_while_the_server_is_down_and_streaming_resumes() {
     let server = TestServer::start(city());
     let mut session = open_session(&server, 64);
-    update_until(&mut session, &street(), Session::has_frame);
+    update_until(&mut session, &street(), |session| session.has_frame());
     server.set_down(true);
     let connections = server.connections();
     let mut most_in_flight = usize::MAX;
