@@ -1,11 +1,9 @@
 //! A server of a city of 20 levels that is full everywhere: a client that flies through it never comes to an end.
 
 use insula_protocol::{
-    BlockMap, Manifest, NODE_CELLS, Subtree, Texel, TileId, TileKind,
+    BlockMap, Manifest, Texel, TileId, TileKind,
     blockmap::{COLUMNS, MapColumn},
-    manifest::CityCounts,
     route::{self, Route, TileRoute},
-    subtree::{LEVELS, NodeInfo},
 };
 use insula_test_support::{rng::Rng, small_city};
 use std::{
@@ -37,15 +35,9 @@ fn cell_m(id: TileId) -> f32 {
 }
 
 fn manifest() -> Manifest {
-    let root_side_m = NODE_CELLS as f64 * f64::from(cell_m(TileId::ROOT));
-    Manifest {
-        depth: DEPTH,
-        origin: [0.0; 3],
-        root_side_m,
-        bounds: [[0.0; 3], [root_side_m, root_side_m, 20.0]],
-        counts: CityCounts::default(),
-        ..small_city::manifest(NAME)
-    }
+    let Manifest { depth, origin, root_side_m, counts, .. } = small_city::empty_manifest(DEPTH);
+    let bounds = [[0.0; 3], [root_side_m, root_side_m, 20.0]];
+    Manifest { depth, origin, root_side_m, counts, bounds, ..small_city::manifest(NAME) }
 }
 
 /// A V-BlockMap with a tower in every column.
@@ -57,21 +49,6 @@ fn block_map(id: TileId) -> Option<Vec<u8>> {
     };
     let columns: Vec<_> = (0..COLUMNS).map(|_| tower()).collect();
     BlockMap::from_columns(id, cell_m(id), 0, 4, &columns).ok()?.encode().ok()
-}
-
-/// All nodes of a subtree, each with all children.
-fn subtree(root: TileId) -> Option<Vec<u8>> {
-    let (mut ids, mut nodes) = (vec![root], Vec::new());
-    while let Some(&id) = ids.get(nodes.len()) {
-        let side_m = NODE_CELLS as f32 * cell_m(id);
-        let child_mask = if id.level() == DEPTH { 0 } else { 15 };
-        let (error_m, radius_m, blockmap_bytes) = (side_m / 64.0, side_m, 16 << 10);
-        nodes.push(NodeInfo { id, child_mask, z_min_m: 0.0, z_max_m: 20.0, error_m, radius_m, blockmap_bytes });
-        if id.level() < (root.level() + LEVELS).min(DEPTH) {
-            ids.extend(id.children());
-        }
-    }
-    Subtree { nodes, ..Subtree::default() }.encode().ok()
 }
 
 impl DeepCityServer {
@@ -108,7 +85,7 @@ fn serve(stream: TcpStream, subtrees: &AtomicU64, bytes: &AtomicU64) -> Option<(
             Ok(Route::Tile(TileRoute { kind: TileKind::BlockMap, id, .. })) => block_map(id),
             Ok(Route::Tile(TileRoute { kind: TileKind::Subtree, id, .. })) => {
                 subtrees.fetch_add(1, Relaxed);
-                subtree(id)
+                small_city::full_subtree(id, DEPTH, 16 << 10).encode().ok()
             }
             _ => None,
         };

@@ -3,12 +3,13 @@
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
     blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
-    manifest::{Attribution, CityCounts},
+    manifest::Attribution,
     mesh_tile::{self, TileTexture},
     octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
     tile::TileKind,
 };
+use insula_test_support::small_city::empty_manifest;
 use std::{
     collections::HashMap,
     sync::{Arc, LazyLock},
@@ -77,34 +78,19 @@ pub(crate) fn city_files(name: &str) -> Files {
 }
 
 fn manifest(name: &str) -> Manifest {
-    let side_m = 64.0 * f64::from(1u32 << DEPTH);
+    let empty = empty_manifest(DEPTH);
     Manifest {
-        format_version: 1,
         name: name.into(),
         title: "Test city".into(),
         version: VERSION.into(),
         crs: Some("EPSG:7415".into()),
         origin: ORIGIN,
-        root_side_m: side_m,
-        depth: DEPTH,
-        node_cells: 64,
-        cell_m: 1.0,
-        bounds: [ORIGIN, [ORIGIN[0] + side_m, ORIGIN[1] + side_m, ROOF_M]],
-        ground_z_m: 0.0,
+        bounds: [ORIGIN, [ORIGIN[0] + empty.root_side_m, ORIGIN[1] + empty.root_side_m, ROOF_M]],
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
-        generated_ground: false,
-        location: None,
-        generated_facades: false,
-        heights: None,
-        stones: Vec::new(),
-        street_sets: false,
-        marks: None,
-        sea: None,
-        counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
-        tile_version: 1,
         settings: "0".into(),
+        ..empty
     }
 }
 

@@ -1,11 +1,11 @@
 //! A minimal city: the root and its north-eastern child, with two meshes if asked for.
 
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
+    BlockMap, Manifest, NODE_CELLS, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, MapColumn, WallStrip},
     manifest::{Attribution, CityCounts, FORMAT_VERSION},
     mesh_tile,
-    subtree::{MeshLod, NodeInfo, NodeMesh},
+    subtree::{LEVELS, MeshLod, NodeInfo, NodeMesh},
 };
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
 use std::{
@@ -76,22 +76,8 @@ pub fn manifest(name: &str) -> Manifest {
         version: VERSION.into(),
         crs: Some("EPSG:7415".into()),
         origin: [85_000.0, 446_000.0, 0.0],
-        root_side_m: 128.0,
-        depth: 1,
-        node_cells: 64,
-        cell_m: 1.0,
         bounds: [[85_000.0, 446_000.0, 0.0], [85_128.0, 446_128.0, 6.0]],
-        ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
-        has_terrain: false,
-        generated_ground: false,
-        location: None,
-        generated_facades: false,
-        heights: None,
-        stones: Vec::new(),
-        street_sets: false,
-        marks: None,
-        sea: None,
         counts: CityCounts {
             objects: 2,
             triangles: 24,
@@ -106,6 +92,7 @@ pub fn manifest(name: &str) -> Manifest {
         }],
         tile_version: insula_protocol::tile::VERSION,
         settings: "none".into(),
+        ..empty_manifest(1)
     }
 }
 
@@ -140,6 +127,22 @@ pub fn empty_manifest(depth: u8) -> Manifest {
         tile_version: 1,
         settings: String::new(),
     }
+}
+
+/// A subtree of a city of `depth` levels that is full everywhere: all nodes below `root`, each with all children. The cells of leaves have a
+/// metre.
+pub fn full_subtree(root: TileId, depth: u8, blockmap_bytes: u32) -> Subtree {
+    let (mut ids, mut nodes) = (vec![root], Vec::new());
+    while let Some(&id) = ids.get(nodes.len()) {
+        let side_m = NODE_CELLS as f32 * (1u32 << (depth - id.level())) as f32;
+        let child_mask = if id.level() == depth { 0 } else { 15 };
+        let (error_m, radius_m) = (side_m / 64.0, side_m);
+        nodes.push(NodeInfo { id, child_mask, z_min_m: 0.0, z_max_m: 20.0, error_m, radius_m, blockmap_bytes });
+        if id.level() < (root.level() + LEVELS).min(depth) {
+            ids.extend(id.children());
+        }
+    }
+    Subtree { nodes, ..Subtree::default() }
 }
 
 /// The meshes that [`write_city_with_meshes`] adds to [`child`], by level of detail.

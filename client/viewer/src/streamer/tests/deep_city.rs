@@ -4,12 +4,11 @@ use super::super::*;
 use crate::{cache::PackedTile, camera::Camera, decode::DecodedTile, scene::MAX_SUBTREE_BYTES};
 use glam::DVec3;
 use insula_protocol::{
-    BlockMap, Subtree, Texel, TileId,
+    BlockMap, Texel, TileId,
     blockmap::{COLUMNS, MapColumn},
-    subtree::{LEVELS, NodeInfo},
 };
 use insula_shaders::layout::SUMMARY_WORDS;
-use insula_test_support::small_city::empty_manifest;
+use insula_test_support::small_city::{empty_manifest, full_subtree};
 use std::collections::{HashSet, VecDeque};
 
 const DEPTH: u8 = 20;
@@ -21,20 +20,6 @@ const CACHE_PAGES: u32 = 4000;
 struct DeepCityFetcher {
     waiting: VecDeque<(TileKey, u64)>,
     subtrees: u64,
-}
-
-fn subtree(root: TileId) -> Subtree {
-    let (mut ids, mut nodes) = (vec![root], Vec::new());
-    while let Some(&id) = ids.get(nodes.len()) {
-        let side_m = 64.0 * (1u32 << (DEPTH - id.level())) as f32;
-        let child_mask = if id.level() == DEPTH { 0 } else { 15 };
-        let (error_m, radius_m) = (side_m / 64.0, side_m);
-        nodes.push(NodeInfo { id, child_mask, z_min_m: 0.0, z_max_m: 20.0, error_m, radius_m, blockmap_bytes: 1 });
-        if id.level() < (root.level() + LEVELS).min(DEPTH) {
-            ids.extend(id.children());
-        }
-    }
-    Subtree { nodes, ..Subtree::default() }
 }
 
 fn block_map() -> PackedTile {
@@ -57,7 +42,7 @@ impl TileFetcher for DeepCityFetcher {
         let tile = match key.kind() {
             TileKind::Subtree => {
                 self.subtrees += 1;
-                DecodedTile::Subtree(subtree(key.id))
+                DecodedTile::Subtree(full_subtree(key.id, DEPTH, 1))
             }
             _ => DecodedTile::Packed(block_map()),
         };
