@@ -5,10 +5,14 @@ use insula_protocol::{
     blockmap::{COLUMNS, MapColumn},
     route::{self, Route, TileRoute},
 };
-use insula_test_support::{rng::Rng, small_city};
+use insula_test_support::{
+    http::{self, Request},
+    rng::Rng,
+    small_city,
+};
 use std::{
-    io::{BufRead, BufReader, Write},
-    net::{TcpListener, TcpStream},
+    io::Write,
+    net::TcpStream,
     sync::{
         Arc,
         atomic::{AtomicU64, Ordering::Relaxed},
@@ -52,46 +56,27 @@ fn block_map(id: TileId) -> Option<Vec<u8>> {
 }
 
 impl DeepCityServer {
-    /// Serves the city on a free port until the process ends. Fails if there is none.
-    pub fn start() -> std::io::Result<Self> {
-        let listener = TcpListener::bind("127.0.0.1:0")?;
-        let url = format!("http://{}{}", listener.local_addr()?, route::manifest(NAME));
+    /// Serves the city on a free port until the process ends.
+    pub fn start() -> Self {
         let (subtrees, bytes) = <(Arc<AtomicU64>, Arc<AtomicU64>)>::default();
-        let server = Self { url, subtrees: subtrees.clone(), bytes: bytes.clone() };
-        std::thread::spawn(move || {
-            for stream in listener.incoming().flatten() {
-                let (subtrees, bytes) = (subtrees.clone(), bytes.clone());
-                std::thread::spawn(move || serve(stream, &subtrees, &bytes));
-            }
-        });
-        Ok(server)
+        let counts = (subtrees.clone(), bytes.clone());
+        let address = http::serve(move |request, out| respond(request, out, &counts.0, &counts.1));
+        Self { url: format!("http://{address}{}", route::manifest(NAME)), subtrees, bytes }
     }
 }
 
-/// Responds to the requests of a connection until it ends.
-fn serve(stream: TcpStream, subtrees: &AtomicU64, bytes: &AtomicU64) -> Option<()> {
-    let mut reader = BufReader::new(stream);
-    loop {
-        let mut request = String::new();
-        reader.read_line(&mut request).ok()?;
-        let path = request.split(' ').nth(1)?;
-        let mut header = String::new();
-        while header != "\r\n" {
-            header.clear();
-            (reader.read_line(&mut header).ok()? > 0).then_some(())?;
+fn respond(request: &Request, out: &mut TcpStream, subtrees: &AtomicU64, bytes: &AtomicU64) -> Option<()> {
+    let body = match Route::parse(request.target()) {
+        Ok(Route::Manifest { city: NAME }) => serde_json::to_vec(&manifest()).ok(),
+        Ok(Route::Tile(TileRoute { kind: TileKind::BlockMap, id, .. })) => block_map(id),
+        Ok(Route::Tile(TileRoute { kind: TileKind::Subtree, id, .. })) => {
+            subtrees.fetch_add(1, Relaxed);
+            small_city::full_subtree(id, DEPTH, 16 << 10).encode().ok()
         }
-        let body = match Route::parse(path) {
-            Ok(Route::Manifest { city: NAME }) => serde_json::to_vec(&manifest()).ok(),
-            Ok(Route::Tile(TileRoute { kind: TileKind::BlockMap, id, .. })) => block_map(id),
-            Ok(Route::Tile(TileRoute { kind: TileKind::Subtree, id, .. })) => {
-                subtrees.fetch_add(1, Relaxed);
-                small_city::full_subtree(id, DEPTH, 16 << 10).encode().ok()
-            }
-            _ => None,
-        };
-        let (status, body) = body.map_or(("404 Not Found", Vec::new()), |body| ("200 OK", body));
-        bytes.fetch_add(body.len() as u64, Relaxed);
-        let head = format!("HTTP/1.1 {status}\r\ncontent-length: {}\r\n\r\n", body.len());
-        reader.get_mut().write_all(&[head.as_bytes(), &body].concat()).ok()?;
-    }
+        _ => None,
+    };
+    let (status, body) = body.map_or(("404 Not Found", Vec::new()), |body| ("200 OK", body));
+    bytes.fetch_add(body.len() as u64, Relaxed);
+    let head = format!("HTTP/1.1 {status}\r\ncontent-length: {}\r\n\r\n", body.len());
+    out.write_all(&[head.as_bytes(), &body].concat()).ok()
 }

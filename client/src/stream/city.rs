@@ -251,27 +251,22 @@ fn listed_cities(list: &serde_json::Value) -> Option<Vec<ListedCity>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{
-        io::{Read, Write},
-        net::TcpListener,
-    };
+    use insula_test_support::http;
+    use std::io::Write;
 
     /// Answers every request with `head` and then a byte of `body` each `pause`, until the client gives up.
     fn serve_slowly(head: &'static str, body: Vec<u8>, pause: Duration) -> String {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let base = format!("http://{}", listener.local_addr().unwrap());
-        std::thread::spawn(move || {
-            for mut stream in listener.incoming().flatten() {
-                let _ = stream.read(&mut [0; 2048]);
-                let _ = stream.write_all(head.as_bytes());
-                let is_sent = |byte: &u8| {
-                    std::thread::sleep(pause);
-                    stream.write_all(&[*byte]).is_ok()
-                };
-                let _ = body.iter().all(is_sent);
-            }
+        let address = http::serve(move |_, stream| {
+            stream.write_all(head.as_bytes()).ok()?;
+            let sent = body.iter().try_for_each(|byte| {
+                std::thread::sleep(pause);
+                stream.write_all(&[*byte])
+            });
+            sent.ok()?;
+            // Each response ends its connection.
+            None
         });
-        base
+        format!("http://{address}")
     }
 
     fn open(base: &str, name: Option<&str>, timeout: Duration) -> Result<OpenedCity> {

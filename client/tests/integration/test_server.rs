@@ -1,10 +1,11 @@
 //! An HTTP server that responds as a test wants.
 
 use super::fixture_city::Files;
+use insula_test_support::http::{self, Request};
 use std::{
     collections::HashMap,
-    io::{BufRead, BufReader, Write},
-    net::{TcpListener, TcpStream},
+    io::Write,
+    net::TcpStream,
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, AtomicU32, Ordering},
@@ -40,7 +41,7 @@ pub(crate) struct TestServer {
 struct ServerState {
     files: Arc<Files>,
     policy: Box<ReplyPolicy>,
-    /// While set, connections are closed at once.
+    /// While set, requests get no response, and their connections are closed.
     is_down: AtomicBool,
     connections: AtomicU32,
     requests: AtomicU32,
@@ -55,8 +56,6 @@ impl TestServer {
     }
 
     pub(crate) fn with_policy(files: Arc<Files>, policy: impl Fn(&str, u32) -> Reply + Send + Sync + 'static) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let url = format!("http://{}", listener.local_addr().unwrap());
         let state = Arc::new(ServerState {
             files,
             policy: Box::new(policy),
@@ -66,12 +65,8 @@ impl TestServer {
             log: Mutex::default(),
         });
         let shared = state.clone();
-        std::thread::spawn(move || {
-            for stream in listener.incoming().flatten() {
-                let state = shared.clone();
-                std::thread::spawn(move || state.serve_connection(stream));
-            }
-        });
+        let address = http::serve(move |request, stream| shared.respond(request, stream));
+        let url = format!("http://{address}");
         Self { url, state }
     }
 
@@ -94,31 +89,13 @@ impl TestServer {
 }
 
 impl ServerState {
-    fn serve_connection(&self, mut stream: TcpStream) {
-        self.connections.fetch_add(1, Ordering::Relaxed);
-        let mut reader = BufReader::new(stream.try_clone().unwrap());
-        while let Some(path) = self.read_request(&mut reader)
-            && self.respond(&mut stream, &path).is_ok()
-        {}
-    }
-
-    /// The path of the next request; `None` if the connection is to be closed.
-    fn read_request(&self, reader: &mut impl BufRead) -> Option<String> {
-        let mut path = None;
-        loop {
-            let mut line = String::new();
-            if reader.read_line(&mut line).unwrap_or(0) == 0 || self.is_down.load(Ordering::Relaxed) {
-                return None;
-            }
-            if line == "\r\n" {
-                return path;
-            }
-            path.get_or_insert_with(|| line.split(' ').nth(1).unwrap_or("").to_owned());
+    /// `None` if the connection is to be closed.
+    fn respond(&self, request: &Request, stream: &mut TcpStream) -> Option<()> {
+        self.connections.fetch_add(u32::from(request.is_first), Ordering::Relaxed);
+        if self.is_down.load(Ordering::Relaxed) {
+            return None;
         }
-    }
-
-    /// Fails if the connection is to be closed.
-    fn respond(&self, stream: &mut TcpStream, path: &str) -> std::io::Result<()> {
+        let path = request.target();
         self.requests.fetch_add(1, Ordering::Relaxed);
         let earlier = {
             let mut log = self.log.lock().unwrap();
@@ -142,17 +119,17 @@ impl ServerState {
             Reply::Intact | Reply::Truncated | Reply::Trickle => {}
         }
         let head = format!("HTTP/1.1 {status} x\r\n{headers}content-length: {}\r\n\r\n", body.len());
-        stream.write_all(head.as_bytes())?;
+        stream.write_all(head.as_bytes()).ok()?;
         match reply {
             Reply::Truncated => {
-                stream.write_all(&body[..body.len() / 2])?;
-                Err(std::io::ErrorKind::ConnectionAborted.into())
+                stream.write_all(&body[..body.len() / 2]).ok()?;
+                None
             }
             Reply::Trickle => body.iter().try_for_each(|byte| {
                 std::thread::sleep(Duration::from_millis(50));
-                stream.write_all(&[*byte])
+                stream.write_all(&[*byte]).ok()
             }),
-            _ => stream.write_all(&body),
+            _ => stream.write_all(&body).ok(),
         }
     }
 }

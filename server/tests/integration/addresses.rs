@@ -1,13 +1,13 @@
 //! `bake` of files on web servers: where redirects may lead, and what becomes of secrets in addresses.
 
+use insula_test_support::http::{self, Request};
 use std::{
     fs,
-    io::{BufRead, BufReader, Write},
-    net::{SocketAddr, TcpListener, TcpStream},
+    io::Write,
+    net::{SocketAddr, TcpStream},
     path::Path,
     process::{Command, Output, Stdio},
     sync::{Arc, Mutex},
-    thread,
 };
 
 const HOUSE: &str = r#"{"type":"FeatureCollection","features":[{"type":"Feature","properties":{"height":9},"geometry":
@@ -22,14 +22,13 @@ struct WebServer {
 impl WebServer {
     /// Requests of `/moved.geojson` are redirected to `elsewhere`.
     fn start(elsewhere: &str) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap();
         let requests = Arc::new(Mutex::new(Vec::new()));
         let (notes, elsewhere) = (Arc::clone(&requests), elsewhere.to_owned());
-        thread::spawn(move || {
-            for stream in listener.incoming() {
-                answer(&stream.unwrap(), &notes, &elsewhere);
-            }
+        let address = http::serve(move |request, stream| {
+            notes.lock().unwrap().push(request.head.join("\n"));
+            answer(request, stream, &elsewhere)?;
+            // Each response ends its connection.
+            None
         });
         Self { address, requests }
     }
@@ -39,12 +38,8 @@ impl WebServer {
     }
 }
 
-fn answer(mut stream: &TcpStream, notes: &Mutex<Vec<String>>, elsewhere: &str) -> Option<()> {
-    let lines = BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty());
-    let request = lines.collect::<Vec<_>>().join("\n");
-    let path = request.split(' ').nth(1)?.to_owned();
-    notes.lock().unwrap().push(request);
-    let (head, body) = match path.split('?').next()? {
+fn answer(request: &Request, stream: &mut TcpStream, elsewhere: &str) -> Option<()> {
+    let (head, body) = match request.target().split('?').next()? {
         "/moved.geojson" => (format!("302 Found\r\nLocation: {elsewhere}"), ""),
         "/part.geojson" => ("206 Partial Content\r\nContent-Range: bytes 5-9/100000".to_owned(), HOUSE),
         "/cached.geojson" => ("304 Not Modified".to_owned(), ""),

@@ -1,13 +1,12 @@
 //! `bake` and `inspect` of files in a bucket: the same city as from a folder.
 
+use insula_test_support::http::{self, Request};
 use std::{
     fs,
-    io::{BufRead, BufReader, Write},
+    io::Write,
     net::{SocketAddr, TcpListener, TcpStream},
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
-    sync::Arc,
-    thread,
 };
 
 /// Answers what an object store does for one bucket whose objects are the files of a folder: sizes, ranges and one list.
@@ -19,26 +18,16 @@ struct FakeBucket {
 
 impl FakeBucket {
     fn start(folder: &Path, elsewhere: SocketAddr) -> SocketAddr {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap();
-        let bucket = Arc::new(Self { folder: folder.to_owned(), elsewhere });
-        thread::spawn(move || {
-            for stream in listener.incoming() {
-                let bucket = Arc::clone(&bucket);
-                thread::spawn(move || while bucket.answer(stream.as_ref().unwrap()).is_some() {});
-            }
-        });
-        address
+        let bucket = Self { folder: folder.to_owned(), elsewhere };
+        http::serve(move |request, stream| bucket.answer(request, stream))
     }
 
-    /// Answers a request; `None` at the end of the connection.
-    fn answer(&self, mut stream: &TcpStream) -> Option<()> {
-        let mut lines = BufReader::new(stream).lines();
-        let request = lines.next()?.ok()?;
-        let headers: Vec<String> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
-        let (path, query) = request.split(' ').nth(1)?.split_once('?').unwrap_or((request.split(' ').nth(1)?, ""));
+    /// Answers a request; `None` if it cannot.
+    fn answer(&self, request: &Request, stream: &mut TcpStream) -> Option<()> {
+        let (line, target) = (request.head.first()?, request.target());
+        let (path, query) = target.split_once('?').unwrap_or((target, ""));
         let name = path.trim_start_matches('/').strip_prefix("town").unwrap_or("none").trim_start_matches('/');
-        if request.contains("moved") {
+        if line.contains("moved") {
             let place = format!("Location: http://{}/stolen", self.elsewhere);
             return write!(stream, "HTTP/1.1 307 Moved\r\n{place}\r\nContent-Length: 0\r\n\r\n").ok();
         }
@@ -50,11 +39,13 @@ impl FakeBucket {
         let Ok(bytes) = fs::read(self.folder.join(name)) else {
             return write!(stream, "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n").ok();
         };
-        if request.starts_with("HEAD") {
+        if line.starts_with("HEAD") {
             return write!(stream, "HTTP/1.1 200 OK\r\n{head}: {}\r\n\r\n", bytes.len()).ok();
         }
-        let range =
-            headers.iter().find_map(|line| line.to_ascii_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
+        let range = request
+            .head
+            .iter()
+            .find_map(|line| line.to_ascii_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
         let (start, last) =
             range?.split_once('-').map(|(a, b)| (a.parse::<usize>().unwrap(), b.parse::<usize>().unwrap()))?;
         let part = &bytes[start..bytes.len().min(last + 1)];

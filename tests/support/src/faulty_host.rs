@@ -1,10 +1,13 @@
 //! A web host of a folder with ranges and ETags, which knows nothing of cities. Its faults can be changed while it runs.
 
-use crate::rng::Rng;
+use crate::{
+    http::{self, Request},
+    rng::Rng,
+};
 use std::{
     fs,
-    io::{BufRead, BufReader, Write},
-    net::{SocketAddr, TcpListener, TcpStream},
+    io::Write,
+    net::{SocketAddr, TcpStream},
     os::unix::fs::FileExt,
     path::Path,
     sync::{
@@ -48,18 +51,9 @@ pub struct FaultyHost {
 impl FaultyHost {
     /// Serves the files of a folder on a free port until the process ends.
     pub fn start(folder: &Path) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let (address, faults) = (listener.local_addr().unwrap(), Arc::new(HostFaults::default()));
+        let faults = Arc::new(HostFaults::default());
         let (shared, folder) = (faults.clone(), folder.to_owned());
-        std::thread::spawn(move || {
-            for stream in listener.incoming().flatten() {
-                let (faults, folder) = (shared.clone(), folder.clone());
-                std::thread::spawn(move || {
-                    let mut stream = BufReader::new(stream);
-                    while respond(&mut stream, &folder, &faults).is_some() {}
-                });
-            }
-        });
+        let address = http::serve(move |request, out| respond(request, out, &folder, &shared));
         Self { address, faults }
     }
 
@@ -76,21 +70,6 @@ impl FaultyHost {
     /// Number of requests for a range so far.
     pub fn range_requests(&self) -> u64 {
         self.faults.range_requests.load(Relaxed)
-    }
-}
-
-/// Lines of a request's head; `None` if the connection ends.
-fn read_head(stream: &mut BufReader<TcpStream>) -> Option<Vec<String>> {
-    let mut lines = Vec::new();
-    loop {
-        let mut line = String::new();
-        if stream.read_line(&mut line).ok()? == 0 {
-            return None;
-        }
-        if line.trim().is_empty() {
-            return Some(lines);
-        }
-        lines.push(line.trim().to_owned());
     }
 }
 
@@ -125,8 +104,7 @@ fn content_type(path: &str) -> &'static str {
 }
 
 /// Serves one request; `None` closes the connection.
-fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults) -> Option<()> {
-    let head = read_head(stream)?;
+fn respond(request: &Request, out: &mut TcpStream, folder: &Path, faults: &HostFaults) -> Option<()> {
     if faults.is_gone.load(Relaxed) {
         return None;
     }
@@ -135,10 +113,7 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     // Spread evenly, so that a request and its retry do not fail both.
     let happens = |stride: u64, percent: &AtomicU64| number * stride % 100 < percent.load(Relaxed);
     let (fails, lies) = (happens(61, &faults.failing_percent), happens(37, &faults.lying_percent));
-    let mut request = head.first()?.split(' ');
-    let (method, target) = (request.next()?, request.next()?);
-    let path = file_path(target);
-    let out = stream.get_mut();
+    let path = file_path(request.target());
     if fails && number.is_multiple_of(3) {
         return None;
     }
@@ -152,7 +127,7 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     let modified = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?.as_nanos();
     let replaced_after = faults.replaced_after.load(Relaxed);
     let is_replaced = replaced_after > 0 && number >= replaced_after;
-    let range = head.iter().find_map(|line| parse_range(line)).filter(|_| !faults.ignores_ranges.load(Relaxed));
+    let range = request.head.iter().find_map(|line| parse_range(line)).filter(|_| !faults.ignores_ranges.load(Relaxed));
     let (mut first, mut last) = range.map_or((0, length - 1), |(first, last)| (first, last.min(length - 1)));
     if first > 0 && faults.shifts_ranges.load(Relaxed) {
         (first, last) = (first - 1, last - 1);
@@ -176,7 +151,7 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     }
     out.write_all(format!("HTTP/1.1 {status}\r\n{headers}\r\n").as_bytes()).ok()?;
     let is_truncated = fails || number % 3 == 2 && faults.truncates_every_third.load(Relaxed);
-    if method != "HEAD" {
+    if !request.head.first()?.starts_with("HEAD ") {
         out.write_all(if is_truncated { &body[..body.len() / 2] } else { &body }).ok()?;
     }
     (!is_truncated).then_some(())
