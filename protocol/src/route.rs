@@ -38,6 +38,8 @@ const GROUPS: &str = "groups";
 const DRAW: &str = "draw";
 /// What follows a city in the address of its analyses.
 const ANALYSE: &str = "analyse";
+/// What follows a city in the address of its proposals, and their file in a published city.
+pub const PROPOSALS_FILE: &str = "proposals.json";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -101,6 +103,10 @@ pub enum Route<'a> {
     },
     /// Analyses of a part of a city, which are made of the body of a POST request.
     Analyse {
+        city: &'a str,
+    },
+    /// What the proposals of a city add to it and remove from it.
+    Proposals {
         city: &'a str,
     },
     /// The root of a city's tileset in the format 3D Tiles.
@@ -202,9 +208,10 @@ impl<'a> Route<'a> {
             return group;
         }
         match rest.split_once('/') {
-            Some((city, DRAW | ANALYSE)) if !is_name(city) => return Err(RouteError::InvalidName),
+            Some((city, DRAW | ANALYSE | PROPOSALS_FILE)) if !is_name(city) => return Err(RouteError::InvalidName),
             Some((city, DRAW)) => return Ok(Self::Draw { city }),
             Some((city, ANALYSE)) => return Ok(Self::Analyse { city }),
+            Some((city, PROPOSALS_FILE)) => return Ok(Self::Proposals { city }),
             _ => {}
         }
         if rest.contains('/') {
@@ -238,6 +245,7 @@ impl<'a> Route<'a> {
             Self::Group { .. } => RouteTemplate::Groups,
             Self::Draw { .. } => RouteTemplate::Draw,
             Self::Analyse { .. } => RouteTemplate::Analyse,
+            Self::Proposals { .. } => RouteTemplate::Proposals,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -262,6 +270,7 @@ impl fmt::Display for Route<'_> {
             Self::Filter { city, version } => write!(f, "{CITIES}/{city}/{version}/{FILTER}"),
             Self::Draw { city } => write!(f, "{CITIES}/{city}/{DRAW}"),
             Self::Analyse { city } => write!(f, "{CITIES}/{city}/{ANALYSE}"),
+            Self::Proposals { city } => write!(f, "{CITIES}/{city}/{PROPOSALS_FILE}"),
             Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();

@@ -378,6 +378,9 @@ pub struct ServeArgs {
     /// Make analyses of sun, sky and shadows for clients, so many at once [default: 0, none]
     #[arg(long, value_name = "N")]
     pub analyses: Option<usize>,
+    /// Folder of proposals that the pages of cities show, as CITY/NAME.toml
+    #[arg(long, value_name = "DIR")]
+    pub proposals: Option<PathBuf>,
     /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

@@ -349,6 +349,7 @@ mod tests {
                     RouteTemplate::Filter,
                     RouteTemplate::Draw,
                     RouteTemplate::Analyse,
+                    RouteTemplate::Proposals,
                     RouteTemplate::Tileset,
                 ][..],
             ),
@@ -362,6 +363,7 @@ mod tests {
                 RouteTemplate::Filter,
                 RouteTemplate::Draw,
                 RouteTemplate::Analyse,
+                RouteTemplate::Proposals,
                 RouteTemplate::Tileset,
             ];
             for route in all {

@@ -233,7 +233,7 @@ mod tests {
     /// The page names its keys by the same codes. Each side may have keys that the other has no use for.
     #[test]
     fn keys_of_the_page_do_the_same() {
-        const SAME: [(&str, KeyAction); 21] = [
+        const SAME: [(&str, KeyAction); 22] = [
             ("closer", KeyAction::Closer),
             ("farther", KeyAction::Farther),
             ("middle", KeyAction::ClickMiddle),
@@ -251,14 +251,14 @@ mod tests {
             ("time", KeyAction::ToggleSliders),
             ("picture", KeyAction::SaveImage),
             ("bookmarks", KeyAction::ToggleBookmarks),
+            ("proposal", KeyAction::ToggleProposal),
             ("search", KeyAction::ToggleSearch),
             ("undo", KeyAction::UndoPoint),
             ("help", KeyAction::ToggleHelp),
             ("escape", KeyAction::EndInnermost),
         ];
-        // Stones, proposals, the map, paths, counts of rays and full screen: the page has no such panels, or the browser has the key.
-        const ONLY_HERE: [KeyCode; 6] =
-            [KeyCode::KeyJ, KeyCode::KeyY, KeyCode::KeyN, KeyCode::KeyR, KeyCode::KeyK, KeyCode::F11];
+        // Stones, the map, paths, counts of rays and full screen: the page has no such panels, or the browser has the key.
+        const ONLY_HERE: [KeyCode; 5] = [KeyCode::KeyJ, KeyCode::KeyN, KeyCode::KeyR, KeyCode::KeyK, KeyCode::F11];
         let table = include_str!("../../web/page/key-table.js");
         let (_, actions) = table.split_once("VIEW_KEYS").unwrap();
         let of_page: std::collections::BTreeMap<&str, &str> = actions

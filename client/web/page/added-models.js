@@ -31,8 +31,18 @@ export class AddedModels {
       if (i % 3 === 0) return cos * value + sin * all[i + 1];
       return i % 3 === 1 ? cos * value - sin * all[i - 1] : scale * value;
     });
+    return this.put({ ...model, positions }, origin);
+  }
+
+  /**
+   * Adds triangles. Fails if they are too many.
+   * @param {import('./model-reader.js').Model} model
+   * @param {number[]} origin
+   * @returns {Promise<number>}
+   */
+  async put(model, origin) {
     const number = ++this.#last;
-    const values = { ...model, number, origin, positions };
+    const values = { ...model, number, origin };
     await this.#ask('addModel', values);
     this.#models.set(number, values);
     return number;

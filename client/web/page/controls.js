@@ -16,6 +16,7 @@ import { colorsPanel, legendBox } from './panel-colors.js';
 import { measurePanel } from './panel-measure.js';
 import { objectsPanel } from './panel-objects.js';
 import { picturePanel } from './panel-picture.js';
+import { hasProposals, proposalsPanel } from './panel-proposals.js';
 import { searchPanel } from './panel-search.js';
 import { sharePanel } from './panel-share.js';
 import { timePanel } from './panel-time.js';
@@ -37,7 +38,7 @@ export function startControls(app, city, manifest) {
   const fixed = furniture(page);
   const about = aboutDialog(page, app.querySelector('#insula-about'));
   const help = helpDialog({ singleKeys: hasSingleKeys(), change: (singleKeys) => keys.set(singleKeys) });
-  const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'analyse', 'bookmarks', 'share', 'picture'];
+  const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'analyse', 'proposals', 'bookmarks', 'share', 'picture'];
   const { node, buttons, closeMore } = toolbar({
     ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
     more: () => panels.close(false),
@@ -47,6 +48,7 @@ export function startControls(app, city, manifest) {
 
   const rules = offeredRules();
   const [measure, bookmarks, share] = [measurePanel(page), bookmarksPanel(page), sharePanel(page)];
+  const proposals = hasProposals() ? proposalsPanel(page) : null;
   const all = {
     search: searchPanel(page),
     view: viewPanel(page, { counters: fixed.showCounters }),
@@ -55,15 +57,18 @@ export function startControls(app, city, manifest) {
     time: timePanel(page),
     measure,
     ...(rules.length > 0 && { analyse: analysePanel(page, rules) }),
+    ...(proposals && { proposals }),
     bookmarks,
     share,
     picture: picturePanel(page),
   };
   buttons.analyse.hidden = rules.length === 0;
+  buttons.proposals.hidden = proposals === null;
   Object.entries(all).forEach(([name, panel]) => panels.add(name, buttons[name], panel));
   const toggled = Object.fromEntries(['search', 'colors', 'time', 'bookmarks', 'picture'].map((n) => [n, () => panels.toggle(n)]));
   const keys = listenForPageKeys(city, {
     ...toggled,
+    ...(proposals && { proposal: proposals.toggle }),
     bookmark: bookmarks.add,
     copyLink: share.copyLink,
     measure: measure.next,

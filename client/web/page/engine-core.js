@@ -379,6 +379,11 @@ export class Engine {
     this.addModel(message);
   }
 
+  showModels({ shown }) {
+    this.#viewer.showModels(shown);
+    this.wake();
+  }
+
   #changeModels() {
     for (const { op, id, number, origin, positions, colours, triangles } of this.#models.splice(0)) {
       const change = async () => {
@@ -423,7 +428,7 @@ function parsed(json) {
 }
 
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen', 'addModel', 'removeModel'];
+const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen', 'addModel', 'removeModel', 'showModels'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {

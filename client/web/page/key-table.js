@@ -56,6 +56,7 @@ export const PAGE_KEYS = {
   KeyO: 'time',
   KeyP: 'picture',
   KeyV: 'bookmarks',
+  KeyY: 'proposal',
   Slash: 'search',
   Backspace: 'undo',
   KeyZ: 'undo',

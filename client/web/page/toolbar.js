@@ -10,7 +10,7 @@ const texts = strings.toolbar;
 
 /** Names of the buttons in their order, with their keys. */
 const MAIN = { search: '/', view: '', objects: '', colors: 'G', time: 'O', measure: 'M' };
-const EXTRA = { analyse: '', bookmarks: 'V', share: 'C', picture: 'P', fullScreen: 'F11', dark: '', help: 'F1', about: '' };
+const EXTRA = { analyse: '', proposals: '', bookmarks: 'V', share: 'C', picture: 'P', fullScreen: 'F11', dark: '', help: 'F1', about: '' };
 
 /**
  * The toolbar.

@@ -1,8 +1,8 @@
 //! Kinds of addresses, for the router and for metrics.
 
 use super::{
-    ANALYSE, CITIES, DRAW, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, READINESS, SEARCH, SERVICE_WORKER, THUMBNAIL_FILE,
-    TILESET_FILE,
+    ANALYSE, CITIES, DRAW, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, PROPOSALS_FILE, READINESS, SEARCH, SERVICE_WORKER,
+    THUMBNAIL_FILE, TILESET_FILE,
 };
 use crate::TileKind;
 
@@ -19,7 +19,7 @@ macro_rules! templates {
 
         impl RouteTemplate {
             /// All templates, in the order of their discriminants.
-            pub const ALL: [Self; 24] = [$(Self::$name,)* Self::Other];
+            pub const ALL: [Self; 25] = [$(Self::$name,)* Self::Other];
 
             /// The value of the `route` label in metrics.
             pub const fn label(self) -> &'static str {
@@ -51,6 +51,7 @@ templates! {
     Groups GROUPS, "/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}";
     Draw DRAW, "/v1/cities/{city}/draw";
     Analyse ANALYSE, "/v1/cities/{city}/analyse";
+    Proposals "proposals", "/v1/cities/{city}/proposals.json";
     Tileset "tileset", "/v1/cities/{city}/3dtiles/tileset.json";
     TilesetFile "tileset-files", "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}";
     Manifest "manifest", "/v1/cities/{city}";
@@ -83,6 +84,7 @@ impl RouteTemplate {
             }
             (Some("v1"), Some("cities"), Some(_), Some(DRAW), None) => Self::Draw,
             (Some("v1"), Some("cities"), Some(_), Some(ANALYSE), None) => Self::Analyse,
+            (Some("v1"), Some("cities"), Some(_), Some(PROPOSALS_FILE), None) => Self::Proposals,
             (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
             (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
             (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,

@@ -63,6 +63,7 @@ fn every_address_has_its_path() {
         (group(TileKind::Mesh, 1, 2), "/v1/cities/delft/0123456789abcdef/groups/meshes/7/100/3/2/2"),
         (Route::Draw { city: "delft" }, "/v1/cities/delft/draw"),
         (Route::Analyse { city: "delft" }, "/v1/cities/delft/analyse"),
+        (Route::Proposals { city: "delft" }, "/v1/cities/delft/proposals.json"),
         (Route::Tileset { city: "delft" }, "/v1/cities/delft/3dtiles/tileset.json"),
         (tileset_file(TilesetFileKind::Subtree), "/v1/cities/delft/3dtiles/0123456789abcdef/subtrees/7/100/3.subtree"),
         (tileset_file(TilesetFileKind::Content), "/v1/cities/delft/3dtiles/0123456789abcdef/content/7/100/3.glb"),

@@ -62,6 +62,9 @@ pub struct PublishArgs {
     /// Write each city as 3D Tiles, too, for QGIS, ArcGIS Pro, CesiumJS and other viewers
     #[arg(long)]
     pub tileset: bool,
+    /// Folder of proposals that the pages of cities show, as CITY/NAME.toml
+    #[arg(long, value_name = "DIR")]
+    pub proposals: Option<PathBuf>,
     /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

@@ -6,6 +6,7 @@
 //!      cities/NAME/index.html     page, and beside it the files of the city
 //!      cities/NAME/item.json, catalog.json, collections.json, collections/NAME.json    for catalogues and GIS (`discovery`)
 //!      cities/NAME/3dtiles/       with --tileset
+//!      cities/NAME/proposals.json with --proposals
 //!      404.html                   for wrong addresses
 //!      service-worker.js
 //!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
@@ -14,7 +15,7 @@
 use super::{
     error::CommandError,
     output::print_result,
-    site_documents::{write_documents, write_tileset},
+    site_documents::{write_documents, write_proposals, write_tileset},
     site_folder::SiteFolder,
 };
 use crate::{
@@ -32,7 +33,7 @@ use insula_archive::{
 };
 use insula_command_line::output::Outputs;
 use insula_protocol::{
-    route::THUMBNAIL_FILE,
+    route::{THUMBNAIL_FILE, without_secrets},
     text::{count, human_bytes},
 };
 use std::sync::Arc;
@@ -65,12 +66,17 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         if args.tileset {
             write_tileset(&mut site, city)?;
         }
-        let links = in_city_folder(city, args, cities.len());
+        let has_proposals = write_proposals(&mut site, city, &brand)?;
+        let links = CityLinks { has_proposals, ..in_city_folder(city, args, cities.len()) };
         let html = page::city_page(facts(city), &links, viewer, &brand);
         site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
     }
     let index = match &cities[..] {
-        [city] => page::city_page(facts(city), &in_root(city, args), viewer, &brand),
+        [city] => {
+            let has_proposals = brand.proposals_of(&city.manifest().name).is_some();
+            let links = CityLinks { has_proposals, ..in_root(city, args) };
+            page::city_page(facts(city), &links, viewer, &brand)
+        }
         cities => list(cities, viewer, args, &brand),
     };
     site.write("index.html", index.as_bytes())?;
@@ -98,6 +104,14 @@ fn brand(args: &PublishArgs) -> Result<Brand, CommandError> {
     let mut site = ServeConfig::load(args.config.as_deref(), [], &[])?.site;
     if let Some(title) = &args.title {
         site.title.clone_from(title);
+    }
+    if let Some(folder) = &args.proposals {
+        if !folder.is_dir() {
+            let text = folder.to_string_lossy();
+            let place = without_secrets(&text);
+            return Err(CommandError::Usage(format!("--proposals {place}: there is no such folder")));
+        }
+        site.proposals = Some(folder.clone());
     }
     let logo = site.logo.clone().unwrap_or_default();
     Brand::load(&site).map_err(|error| CommandError::Publish { path: logo, reason: error.to_string() })
@@ -222,6 +236,7 @@ mod tests {
                     title: None,
                     url,
                     tileset: false,
+                    proposals: None,
                     config: None,
                     json: Default::default(),
                 },

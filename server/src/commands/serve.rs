@@ -22,9 +22,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let metrics = args.metrics_address.iter().map(|address| format!("metrics_address={address}"));
     let drawings = args.drawings.iter().map(|drawings| format!("drawings.at_once={drawings}"));
     let analyses = args.analyses.iter().map(|analyses| format!("analyses.at_once={analyses}"));
+    let proposals = args.proposals.iter().map(|folder| format!("site.proposals={}", folder.display()));
     let url = args.public_url.iter().map(|url| format!("public_url={}", url.as_str()));
-    let settings: Vec<String> =
-        args.set.iter().cloned().chain(listen).chain(metrics).chain(drawings).chain(analyses).chain(url).collect();
+    let own = listen.chain(metrics).chain(drawings).chain(analyses).chain(proposals).chain(url);
+    let settings: Vec<String> = args.set.iter().cloned().chain(own).collect();
     let config = ServeConfig::load(args.config.as_deref(), environment(), &settings)?;
     if args.print_config {
         print(&config.to_toml());

@@ -1,13 +1,13 @@
 //! What `publish` writes for other programs: documents by which catalogues and GIS find the cities, and tilesets.
 
 use super::{error::CommandError, site_folder::SiteFolder};
-#[cfg(feature = "bake")]
-use crate::store::StoredCity;
 use crate::{
     discovery::{self, CityRecord, city_files},
-    page::{CityFacts, description},
+    page::{Brand, CityFacts, description},
     store::CityStore,
 };
+#[cfg(feature = "bake")]
+use crate::{proposal::document, store::StoredCity};
 use insula_archive::city::MANIFEST_FILE;
 #[cfg(feature = "bake")]
 use insula_bake::read::EarthPlace;
@@ -17,6 +17,8 @@ use insula_export::{
     selection::ObjectSelection,
     tiles3d::{Tileset, TilesetForm, each_file},
 };
+#[cfg(feature = "bake")]
+use insula_protocol::{route::PROPOSALS_FILE, text::printable};
 use std::{fs, path::PathBuf, sync::Arc};
 
 /// What is to be said of a tileset without a place.
@@ -78,6 +80,27 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
         source.map_err(|source| ExportError::Write { what: name.to_owned(), source })
     };
     each_file(&tileset, &mut take).map(|_| ()).map_err(|error| failed(error.to_string()))
+}
+
+/// Writes the proposals of a city into its folder, and returns whether there are some. Those that cannot be used are a warning. Fails if the
+/// city cannot be read.
+#[cfg(feature = "bake")]
+pub(super) fn write_proposals(site: &mut SiteFolder, city: &CityStore, brand: &Brand) -> Result<bool, CommandError> {
+    let name = &city.manifest().name;
+    let Some(folder) = brand.proposals_of(name) else { return Ok(false) };
+    let failed = |reason: String| CommandError::Publish { path: city.location().into(), reason };
+    let read = |kind, id| city.tile(kind, id);
+    let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
+    let (json, faults) = document(Some(folder), &StoredCity::new(city.manifest(), &schema, &read));
+    faults.iter().for_each(|fault| eprintln!("warning: {}", printable(fault)));
+    site.write(&format!("cities/{name}/{PROPOSALS_FILE}"), json.as_bytes())?;
+    Ok(true)
+}
+
+/// Proposals are a part of the bake.
+#[cfg(not(feature = "bake"))]
+pub(super) fn write_proposals(_: &mut SiteFolder, _: &CityStore, _: &Brand) -> Result<bool, CommandError> {
+    Ok(false)
 }
 
 /// Tilesets are a part of the bake.

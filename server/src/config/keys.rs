@@ -10,7 +10,7 @@ use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 54] = [
+pub(super) const SETTINGS: [(&str, &str); 55] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
     (
@@ -75,6 +75,7 @@ pub(super) const SETTINGS: [(&str, &str); 54] = [
     ("site.accent", "colour of buttons and links, as in \"#0b57a4\"; \"\": that of the viewer"),
     ("site.imprint", "address of the imprint, as in \"https://example.org/imprint\"; \"\": none"),
     ("site.start", "first views of cities, as in [\"delft=84400,446900,420,30,-35,60\"]; []: that of the bake"),
+    ("site.proposals", "folder of the proposals that pages show, as CITY/NAME.toml; \"\": none"),
     ("log.format", "\"text\" or \"json\""),
     ("log.requests", "which requests are logged: \"none\", \"errors\" (5xx), \"all\""),
 ];
@@ -160,6 +161,7 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "site.accent" => SettingField::Checked(&mut config.site.accent, check_accent),
         "site.imprint" => SettingField::Checked(&mut config.site.imprint, check_imprint),
         "site.start" => SettingField::Views(&mut config.site.start),
+        "site.proposals" => SettingField::File(&mut config.site.proposals),
         "log.format" => SettingField::Format(&mut config.log.format),
         "log.requests" => SettingField::Requests(&mut config.log.requests),
         _ => return None,

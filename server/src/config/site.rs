@@ -19,6 +19,8 @@ pub struct SiteConfig {
     pub imprint: String,
     /// First views, as `CITY=X,Y,Z,AZIMUTH,PITCH,FOV`.
     pub start: Vec<String>,
+    /// Folder of the proposals that pages show, `CITY/NAME.toml`.
+    pub proposals: Option<PathBuf>,
 }
 
 impl SiteConfig {

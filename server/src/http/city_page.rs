@@ -81,6 +81,7 @@ pub(super) fn respond_with_city(
     let links = CityLinks {
         list: Some(relative(&root, "/")),
         rules: rules(state, access),
+        has_proposals: has_proposals(state, city, access),
         ..links(state, city, is_public, uri, headers)
     };
     let (html, policy) = match state.viewer() {
@@ -94,6 +95,12 @@ pub(super) fn respond_with_city(
     };
     let vary = state.viewer().is_none().then_some(HeaderValue::from_static("accept-language"));
     respond(html, policy, is_public, vary, method, headers)
+}
+
+/// Whether the page may show proposals.
+fn has_proposals(state: &AppState, city: &CityStore, access: CityAccess) -> bool {
+    let has_some = state.brand().proposals_of(&city.manifest().name).is_some();
+    cfg!(feature = "bake") && has_some && access.admits_computed(RouteTemplate::Proposals)
 }
 
 /// The rules by which the page may let the server compute.
@@ -135,6 +142,7 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &U
         list: None,
         is_public,
         rules: Vec::new(),
+        has_proposals: false,
         meta_policy: None,
     }
 }

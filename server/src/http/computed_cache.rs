@@ -36,6 +36,9 @@ pub(super) enum ComputedKey {
     /// A part of a city for drawings, by the name that their options have for it.
     #[cfg(feature = "bake")]
     Part(u64, Box<str>),
+    /// What the proposals of a city change.
+    #[cfg(feature = "bake")]
+    Proposals(u64),
 }
 
 #[derive(Debug, Clone)]

@@ -41,6 +41,8 @@ mod page_response;
 #[cfg(feature = "bake")]
 mod posted;
 mod problem;
+#[cfg(feature = "bake")]
+mod proposals;
 mod rate_limit;
 mod reload;
 mod representation;

@@ -1,4 +1,4 @@
-//! Requests with a body: what drawings and analyses share.
+//! Requests with a body: what drawings and analyses share, in part with what else is computed of a whole city.
 //!
 //! These are the only routes that read a body, and the only ones that take seconds: so the body is small and must arrive soon, few pieces of
 //! work are done at once on threads of their own, few requests wait, and work that nobody waits for ends. They are off by default.
@@ -46,11 +46,11 @@ pub(super) async fn other_method(State(state): State<AppState>, uri: Uri) -> Pro
 /// The city of an address, if the request may have what is computed of all of it. Fails with 404 where that is off.
 pub(super) fn requested_city(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Result<Arc<CityStore>, Problem> {
     let template = RouteTemplate::of_path(uri.path());
-    if !state.takes_body(template) {
+    if !state.takes_body(template) && template != RouteTemplate::Proposals {
         return Err(NO_ROUTE);
     }
     let name = match Route::parse(uri.path()) {
-        Ok(Route::Draw { city } | Route::Analyse { city }) => city,
+        Ok(Route::Draw { city } | Route::Analyse { city } | Route::Proposals { city }) => city,
         Err(RouteError::InvalidName) => return Err(unknown_name(state, uri, headers)),
         _ => return Err(NO_ROUTE),
     };

@@ -52,8 +52,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Draw => axum::routing::post(super::draw::draw).fallback(super::posted::other_method),
         #[cfg(feature = "bake")]
         RouteTemplate::Analyse => axum::routing::post(super::analyse::analyse).fallback(super::posted::other_method),
+        #[cfg(feature = "bake")]
+        RouteTemplate::Proposals => get(super::proposals::proposals),
         #[cfg(not(feature = "bake"))]
-        RouteTemplate::Draw | RouteTemplate::Analyse => get(wrong_address::not_found),
+        RouteTemplate::Draw | RouteTemplate::Analyse | RouteTemplate::Proposals => get(wrong_address::not_found),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]
@@ -94,6 +96,7 @@ mod tests {
             R::Groups => of_version("groups/blockmaps/1/0/0/4/0"),
             R::Draw => "/v1/cities/two/draw".to_owned(),
             R::Analyse => "/v1/cities/two/analyse".to_owned(),
+            R::Proposals => "/v1/cities/two/proposals.json".to_owned(),
             R::Tileset => "/v1/cities/two/3dtiles/tileset.json".to_owned(),
             R::TilesetFile => format!("/v1/cities/two/3dtiles/{VERSION}/subtrees/0/0/0.subtree"),
             R::Manifest => "/v1/cities/two".to_owned(),

@@ -37,7 +37,8 @@ impl WorkKind {
         use RouteTemplate as R;
         match route {
             R::Search => Some(Self::Search),
-            R::Filter => Some(Self::Filter),
+            // Both decode all objects of a city.
+            R::Filter | R::Proposals => Some(Self::Filter),
             R::Groups => Some(Self::Groups),
             R::Tileset | R::TilesetFile => Some(Self::Tileset),
             R::Draw => Some(Self::Draw),
@@ -56,7 +57,6 @@ impl WorkKind {
         match self {
             // Milliseconds, except for the first search of a city, which reads the index.
             Self::Search => QueueLimits { at_once: 8, waiting: MAX_WAITING, at_ease, max_time: secs(10) },
-            // Decodes all objects of a city.
             Self::Filter => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(30) },
             // Reads up to 64 tiles, from the network if the city is remote.
             Self::Groups => {

@@ -3,7 +3,12 @@
 use super::{SITE_TITLE, base64::base64, html::escape_html};
 use crate::config::SiteConfig;
 use insula_archive::file::read_limited;
-use std::{fmt::Write, io};
+use std::{
+    collections::BTreeMap,
+    fmt::Write,
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 /// Largest logo in bytes: it is part of each page.
 const MAX_LOGO_BYTES: u64 = 48 << 10;
@@ -14,17 +19,30 @@ pub(crate) struct Brand {
     site: SiteConfig,
     /// The logo as a `data:` address.
     logo: Option<String>,
+    /// The folders of proposals, by city.
+    proposals: BTreeMap<String, PathBuf>,
 }
 
 impl Brand {
-    /// Reads the logo. Fails if it cannot be read, is too large, or is no picture.
+    /// Reads the logo, and looks which cities have proposals: a folder that cannot be read is a warning. Fails if the logo cannot be read, is
+    /// too large, or is no picture.
     pub(crate) fn load(site: &SiteConfig) -> io::Result<Self> {
         let read = |path: &std::path::PathBuf| {
             let bytes = read_limited(path, MAX_LOGO_BYTES)?;
             let media = media_of(&bytes).ok_or_else(|| io::Error::other("not an SVG, PNG, JPEG or WebP file"))?;
             Ok::<_, io::Error>(format!("data:{media};base64,{}", base64(&bytes)))
         };
-        Ok(Self { logo: site.logo.as_ref().map(read).transpose()?, site: site.clone() })
+        let logo = site.logo.as_ref().map(read).transpose()?;
+        let proposals = site.proposals.as_deref().map(folders_in).transpose().unwrap_or_else(|error| {
+            tracing::warn!(%error, "cannot read the folder of site.proposals");
+            None
+        });
+        Ok(Self { logo, site: site.clone(), proposals: proposals.unwrap_or_default() })
+    }
+
+    /// The folder of a city's proposals, if it has some.
+    pub(crate) fn proposals_of(&self, city: &str) -> Option<&Path> {
+        self.proposals.get(city).map(PathBuf::as_path)
     }
 
     /// Name of the site.
@@ -59,6 +77,18 @@ impl Brand {
             }
         }
     }
+}
+
+/// The folders in a folder, by name.
+fn folders_in(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.path().is_dir() {
+            found.insert(entry.file_name().to_string_lossy().into_owned(), entry.path());
+        }
+    }
+    Ok(found)
 }
 
 /// The media type of a picture by its first bytes. Of SVG, browsers run no scripts in pictures.

@@ -42,6 +42,9 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
     if !links.rules.is_empty() {
         let _ = write!(out, "<meta name=\"insula-analyses\" content=\"{}\">", links.rules.join(" "));
     }
+    if links.has_proposals {
+        out.push_str("<meta name=\"insula-proposals\" content=\"yes\">");
+    }
     push_previews(&mut out, city, links, brand.title());
     push_assets(&mut out, &links.root, assets);
     let source = escape_html(&links.source);

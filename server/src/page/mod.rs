@@ -61,6 +61,8 @@ pub(crate) struct CityLinks {
     pub(crate) is_public: bool,
     /// Names of the rules by which the server computes hours of sun for the page; empty if it makes no analyses.
     pub(crate) rules: Vec<&'static str>,
+    /// Whether there are proposals for the city.
+    pub(crate) has_proposals: bool,
     /// Content-Security-Policy, if no header can have it.
     pub(crate) meta_policy: Option<String>,
 }

@@ -1,9 +1,11 @@
 //! Proposals: files of what is added to a city and removed from it. Analyses and viewers read the same.
 
 mod change;
+mod document;
 mod shapes;
 
 pub use change::ProposedChange;
+pub(crate) use document::document;
 pub use shapes::{ProposedObject, ProposedObjects};
 
 use insula_archive::file::read_text;

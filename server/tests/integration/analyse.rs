@@ -25,7 +25,7 @@ fn run(folder: &Path, arguments: &str) -> Vec<u8> {
 }
 
 /// Bakes a house, and two sheds so far away that there is ground around it.
-fn bake_house(folder: &Path) {
+pub(crate) fn bake_house(folder: &Path) {
     let building = |height: u32, [x0, y0, x1, y1]: [u32; 4]| {
         let ring = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]];
         let geometry = json!({ "type": "Polygon", "coordinates": [ring] });

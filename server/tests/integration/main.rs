@@ -26,6 +26,8 @@ mod http;
 mod kill;
 mod limits;
 mod live;
+#[cfg(feature = "bake")]
+mod proposals;
 mod proxies;
 #[cfg(feature = "bake")]
 mod round_trip;

@@ -352,6 +352,7 @@ fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
         title: Some("Our <cities>".into()),
         url,
         tileset: false,
+        proposals: None,
         config: None,
         json: Default::default(),
     };

@@ -14,6 +14,7 @@ mod faults;
 mod map_layer;
 mod objects;
 mod pictures;
+mod proposals;
 mod site;
 mod viewer;
 
@@ -46,7 +47,7 @@ const DRIVER: [(&str, Run); 3] = [
 ];
 
 /// A test of each part of the page.
-const QUICK: [(&str, Run); 16] = [
+const QUICK: [(&str, Run); 17] = [
     ("the_page_shows_the_city_on_a_phone", viewer::phones_show_the_city),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
     ("keys_and_mouse_move_the_camera", viewer::keys_and_mouse_move_the_camera),
@@ -57,6 +58,7 @@ const QUICK: [(&str, Run); 16] = [
     ("clicks_show_attributes", objects::clicks_show_attributes),
     ("the_search_finds_objects", objects::the_search_finds_objects),
     ("the_server_analyses_what_is_in_view", analysis::the_server_analyses_what_is_in_view),
+    ("a_proposal_is_shown_before_and_after", proposals::a_proposal_is_shown_before_and_after),
     ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
     ("panels_cover_nothing_on_a_phone", controls::panels_cover_nothing_on_a_phone),

@@ -9,11 +9,12 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 10] = [
+const ENTRIES: [(&str, &str); 11] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
-    // The page imports it once it is needed.
+    // The page imports them once they are needed.
     ("draped-figures.js", "draped-figures.js"),
+    ("proposal-view.js", "proposal-view.js"),
     ("engine.js", "engine.js"),
     ("helper.js", "helper.js"),
     ("caster.js", "insula-caster.js"),

@@ -41,6 +41,14 @@ impl CityViewer {
         Ok(())
     }
 
+    /// Shows or hides all models from the next frame on. No tile is fetched again.
+    #[wasm_bindgen(js_name = showModels)]
+    pub fn show_models(&mut self, are_shown: bool) {
+        self.are_models_shown = are_shown;
+        self.streamer.show_additions(are_shown);
+        self.style_changes += 1;
+    }
+
     /// Removes a model. All tiles are fetched again.
     #[wasm_bindgen(js_name = removeModel)]
     pub fn remove_model(&mut self, number: u32) {

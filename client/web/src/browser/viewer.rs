@@ -76,6 +76,7 @@ pub struct CityViewer {
     pub(crate) lines: Vec<Vec<DVec3>>,
     /// By the page's numbers.
     pub(crate) models: BTreeMap<u32, PackedAddition>,
+    pub(crate) are_models_shown: bool,
     pub(crate) view_state: Option<DrawnView>,
     /// Requests for fine tiles that may still start while the frame is drawn.
     pub(crate) fine_requests: usize,
@@ -131,6 +132,7 @@ impl CityViewer {
             markers: Vec::new(),
             lines: Vec::new(),
             models: BTreeMap::new(),
+            are_models_shown: true,
             view_state: None,
             fine_requests: 0,
             style_changes: 0,
@@ -270,7 +272,9 @@ impl CityViewer {
         if self.models.is_empty() {
             return Ok(());
         }
-        self.streamer.set_additions(self.models.values().cloned().collect(), &mut self.renderer)
+        self.streamer.set_additions(self.models.values().cloned().collect(), &mut self.renderer)?;
+        self.streamer.show_additions(self.are_models_shown);
+        Ok(())
     }
 
     /// The same. Says in the console why the models are missing.

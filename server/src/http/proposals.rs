@@ -1,0 +1,53 @@
+//! The proposals of a city for its page: what they add to it and remove from it.
+
+use super::{
+    computed_cache::ComputedKey,
+    fair_queue::{Shed, StopFlag},
+    posted::{requested_city, unreadable, with_source},
+    problem::Problem,
+    representation::{REVALIDATE_PRIVATE, Representation},
+    state::AppState,
+    work_queues::{RequestClient, WorkKind},
+};
+use crate::proposal::document;
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, Uri},
+    response::Response,
+};
+use insula_export::source::SourceError;
+use std::sync::Arc;
+use tokio::runtime::Handle;
+
+/// `GET /v1/cities/{city}/proposals.json`: an empty list if the setting `site.proposals` names none of the city. Proposals that cannot be
+/// used are logged and left out. Fails with 401 without a required token, 404 for an unknown city and with a share link for a part of the
+/// city or read-only; 500 if the city is damaged, 503 if too many requests wait.
+pub(super) async fn proposals(
+    State(state): State<AppState>,
+    RequestClient(client): RequestClient,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let city = requested_city(&state, &uri, &headers)?;
+    let (read, runtime) = (Arc::clone(&city), Handle::current());
+    let folder = state.brand().proposals_of(&city.manifest().name).map(ToOwned::to_owned);
+    let work = move |stop: &StopFlag| {
+        let (json, faults) = with_source(&read, (&runtime, stop), |source| document(folder.as_deref(), source))?;
+        faults.iter().for_each(|fault| tracing::warn!(fault, "a proposal is left out"));
+        Ok::<_, SourceError>(json.into_bytes())
+    };
+    let key = ComputedKey::Proposals(city.serial());
+    let made = state.computed().find_or_make(key, state.work(WorkKind::Filter), client, work).await;
+    let made = made.map_err(Shed::problem)?.map_err(|error| unreadable(&state, &city, &error))?;
+    let representation = Representation {
+        etag: made.etag,
+        body: made.body,
+        content_type: HeaderValue::from_static("application/json"),
+        cache_control: REVALIDATE_PRIVATE,
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&method, &headers).map(Body::from))
+}

@@ -1,0 +1,85 @@
+//! The proposals of a city as its page reads them.
+
+use super::{Proposal, ProposalError};
+use insula_bake::read::EarthPlace;
+use insula_export::source::ExportSource;
+use serde_json::{Value, json};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Most triangles that the proposals of a city add together: their document is in a page's memory.
+const MOST_TRIANGLES: usize = 1 << 18;
+
+/// The proposals in a folder, `NAME.toml` each, as JSON; and why others are left out. There are none without a folder.
+pub(crate) fn document(folder: Option<&Path>, source: &dyn ExportSource) -> (String, Vec<String>) {
+    let (files, mut faults) = match folder.map(files_in) {
+        Some(Ok(files)) => (files, Vec::new()),
+        Some(Err(error)) => (Vec::new(), vec![format!("the folder of proposals cannot be read: {error}")]),
+        None => (Vec::new(), Vec::new()),
+    };
+    let place = source.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let (mut all, mut left) = (Vec::new(), MOST_TRIANGLES);
+    for file in files {
+        match entry(&file, source, place.as_ref(), &mut left) {
+            Ok(entry) => all.push(entry),
+            Err(error) => faults.push(error.to_string()),
+        }
+    }
+    (json!({ "proposals": all }).to_string(), faults)
+}
+
+/// The files of proposals in a folder, by name.
+fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        files.extend(path.extension().is_some_and(|end| end == "toml").then_some(path));
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// A proposal: its title, the numbers of the objects that it hides, and the triangles that it adds, in centimetres from an origin in world
+/// metres. Fails if it cannot be used in this city, or has more triangles than are left.
+fn entry(
+    file: &Path,
+    source: &dyn ExportSource,
+    place: Option<&EarthPlace>,
+    left: &mut usize,
+) -> Result<Value, ProposalError> {
+    let proposal = Proposal::read(file)?;
+    let objects = proposal.change(source, place)?.objects(&proposal, source)?;
+    let triangles: usize = objects.added.iter().map(|object| object.triangles.len()).sum();
+    *left = left.checked_sub(triangles).ok_or_else(|| {
+        proposal.wrong(&format!("the city's proposals add more than {MOST_TRIANGLES} triangles: simplify their models"))
+    })?;
+    let added: Vec<Value> = objects.added.iter().map(|object| model(&object.triangles)).collect();
+    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(json!({ "name": name, "title": proposal.name(), "hidden": objects.removed, "added": added }))
+}
+
+/// The triangles of a model or a block.
+fn model(triangles: &[[[f64; 3]; 3]]) -> Value {
+    let lowest = |axis: usize| triangles.iter().flatten().map(|corner| corner[axis]).fold(f64::INFINITY, f64::min);
+    let origin: [f64; 3] = std::array::from_fn(|axis| lowest(axis).floor());
+    let centimetres = |corner: &[f64; 3]| -> [i64; 3] {
+        std::array::from_fn(|axis| ((corner[axis] - origin[axis]) * 100.0).round() as i64)
+    };
+    let corners: Vec<i64> = triangles.iter().flatten().flat_map(centimetres).collect();
+    json!({ "origin": origin, "triangles_cm": corners })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_are_whole_numbers_from_an_origin() {
+        let triangle = [[85_000.25, 447_000.5, -1.5], [85_001.25, 447_000.5, -1.5], [85_000.25, 447_002.5, 3.0]];
+        let expected =
+            json!({ "origin": [85_000.0, 447_000.0, -2.0], "triangles_cm": [25, 50, 50, 125, 50, 50, 25, 250, 500] });
+        assert_eq!(model(&[triangle]), expected);
+    }
+}
