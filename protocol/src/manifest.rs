@@ -16,7 +16,7 @@ pub const MAX_STONES: usize = 16;
 pub const MAX_ALL_TEXT_BYTES: usize = 128 << 10;
 
 /// A baked city. JSON on disk and over HTTP, or bincode over HTTP for `Accept: application/x-bincode`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// [`FORMAT_VERSION`].
     pub format_version: u32,
@@ -392,28 +392,11 @@ mod tests {
             name: "town".into(),
             title: "x".repeat(MAX_TEXT_BYTES),
             version: "0123456789abcdef".into(),
-            crs: None,
-            origin: [0.0; 3],
             root_side_m: 64.0,
-            depth: 0,
             node_cells: crate::NODE_CELLS as u16,
             cell_m: 1.0,
-            bounds: [[0.0; 3]; 2],
-            focus: [[0.0; 2]; 2],
-            ground_z_m: 0.0,
-            has_terrain: false,
-            generated_ground: false,
-            counts: CityCounts::default(),
-            attribution: Vec::new(),
             tile_version: 1,
-            settings: String::new(),
-            location: None,
-            generated_facades: false,
-            heights: None,
-            stones: Vec::new(),
-            street_sets: false,
-            marks: None,
-            sea: None,
+            ..Manifest::default()
         }
     }
 

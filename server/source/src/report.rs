@@ -99,9 +99,10 @@ impl AttributeCount {
 }
 
 /// File format of a source.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SourceFormat {
     /// One JSON document.
+    #[default]
     CityJson,
     /// A header line, then one feature per line.
     CityJsonSeq,
@@ -166,7 +167,7 @@ impl ColourCounts {
 }
 
 /// What was read from one source.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SourceReport {
     /// Path as it was given or found.
     pub path: String,
@@ -230,37 +231,7 @@ pub struct SourceReport {
 impl SourceReport {
     /// An empty report of a source.
     pub fn new(path: &str, format: SourceFormat, bytes: u64) -> Self {
-        Self {
-            path: path.to_owned(),
-            format,
-            bytes,
-            found: 0,
-            objects: 0,
-            objects_by_kind: BTreeMap::new(),
-            objects_by_level: BTreeMap::new(),
-            left_out_by_kind: 0,
-            outside_bbox: 0,
-            duplicates: FaultCount::default(),
-            attributes: BTreeMap::new(),
-            objects_by_type: BTreeMap::new(),
-            coarser_left_out: 0,
-            painted: 0,
-            footprints: 0,
-            terrain_fitted: 0,
-            without_geometry: 0,
-            merged: BTreeMap::new(),
-            skipped: BTreeMap::new(),
-            problems: BTreeMap::new(),
-            triangles: 0,
-            terrain_triangles: 0,
-            textures: 0,
-            texture_gain: 1.0,
-            colours: ColourCounts::default(),
-            crs: None,
-            titles: Vec::new(),
-            attributions: Vec::new(),
-            licences: Vec::new(),
-        }
+        Self { path: path.to_owned(), format, bytes, texture_gain: 1.0, ..Self::default() }
     }
 
     /// Objects found minus those whose fate is known: 0 unless a reader has lost some.

@@ -185,7 +185,7 @@ impl Drop for ScratchFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::manifest::{CityCounts, FORMAT_VERSION, Manifest};
+    use insula_protocol::manifest::{FORMAT_VERSION, Manifest};
     use insula_test_support::folder::TestFolder;
 
     fn input(scene: &str) -> InputHashes {
@@ -243,28 +243,11 @@ mod tests {
             name: "city".into(),
             title: title.into(),
             version: "0123456789abcdef".into(),
-            crs: None,
-            origin: [0.0; 3],
             root_side_m: 64.0,
-            depth: 0,
             node_cells: 64,
             cell_m: 1.0,
-            bounds: [[0.0; 3]; 2],
-            focus: [[0.0; 2]; 2],
-            ground_z_m: 0.0,
-            has_terrain: false,
-            generated_ground: false,
-            location: None,
-            generated_facades: false,
-            heights: None,
-            stones: Vec::new(),
-            street_sets: false,
-            marks: None,
-            sea: None,
-            counts: CityCounts::default(),
-            attribution: Vec::new(),
             tile_version: 1,
-            settings: String::new(),
+            ..Manifest::default()
         };
         fs::write(folder.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     }

@@ -7,7 +7,7 @@ use insula_objects::{
 use insula_protocol::{
     BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, Texel, TileId,
     blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT, WallStrip, strip_rows},
-    manifest::{Attribution, CityCounts, FORMAT_VERSION},
+    manifest::{Attribution, FORMAT_VERSION},
     mesh_tile::{TileTexture, cuboid},
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
@@ -32,18 +32,9 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         focus: [[origin[0], origin[1]], [origin[0] + side, origin[1] + side]],
         ground_z_m: 31.0,
         has_terrain: true,
-        generated_ground: false,
-        counts: CityCounts::default(),
         attribution: vec![Attribution { text: "Town Hall".into(), licence: Some("CC BY 4.0".into()), url: None }],
         tile_version: 4,
-        settings: String::new(),
-        location: None,
-        generated_facades: false,
-        heights: None,
-        stones: Vec::new(),
-        street_sets: false,
-        marks: None,
-        sea: None,
+        ..Manifest::default()
     }
 }
 

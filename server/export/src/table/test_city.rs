@@ -7,7 +7,7 @@ use insula_objects::{
 use insula_protocol::{
     BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, TileId,
     blockmap::{ColumnObjects, flag},
-    manifest::{Attribution, CityCounts, HeightReference},
+    manifest::{Attribution, HeightReference},
     mesh::{Mesh, PositionGrid},
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
@@ -60,20 +60,10 @@ pub(crate) fn manifest(depth: u8) -> Manifest {
         cell_m: 0.5,
         bounds: [[x, y, z], [x + side, y + side, z + 40.0]],
         focus: [[x, y], [x + side, y + side]],
-        ground_z_m: 0.0,
-        has_terrain: false,
-        generated_ground: false,
-        counts: CityCounts::default(),
         attribution: vec![source],
         tile_version: 1,
-        settings: String::new(),
-        location: None,
-        generated_facades: false,
         heights: Some(HeightReference { datum: "EPSG:5709".into(), geoid: None }),
-        stones: Vec::new(),
-        street_sets: false,
-        marks: None,
-        sea: None,
+        ..Manifest::default()
     }
 }
 

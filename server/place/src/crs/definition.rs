@@ -56,7 +56,7 @@ const SAMPLES_DEG: [[f64; 2]; 4] = [[1.0, 35.0], [-2.0, 50.0], [0.5, -30.0], [1.
 pub(super) type Shift = [f64; 7];
 
 /// A horizontal system.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Definition {
     projection: String,
     parameters: Vec<String>,
@@ -73,15 +73,7 @@ pub struct Definition {
 impl Definition {
     /// Parses a string such as `+proj=utm +zone=32 +ellps=GRS80`. Fails with the reason if it is not understood.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let mut definition = Self {
-            projection: String::new(),
-            parameters: Vec::new(),
-            ellipsoid: String::new(),
-            prime_meridian: None,
-            shift: None,
-            has_own_shift: false,
-            unit_m: 1.0,
-        };
+        let mut definition = Self { unit_m: 1.0, ..Self::default() };
         let mut utm = Utm::default();
         let mut has_null_grid = false;
         for token in text.split_ascii_whitespace() {

@@ -33,7 +33,7 @@ const NOTED_SHIFT_ERROR_M: f64 = 0.1;
 const CURVE_SHARE: f64 = 1e-3;
 
 /// The coordinate system that all sources of a city share.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct World {
     system: Option<WorldSystem>,
     /// The name given with `--crs`.
@@ -68,16 +68,7 @@ impl World {
     /// projected system in metres, or if the folder cannot be read.
     pub fn new(target: Option<&str>, grids: Option<PathBuf>) -> Result<Self, InputError> {
         let folder = grids.map(|path| GridFolder::open(&path)).transpose()?;
-        let mut world = Self {
-            system: None,
-            target: None,
-            vertical: None,
-            folder,
-            geoid: None,
-            orders: AxisOrders::default(),
-            wanted_deg: None,
-            height_unit: None,
-        };
+        let mut world = Self { folder, ..Self::default() };
         let Some(name) = target else { return Ok(world) };
         let label = "--crs";
         let crs = crs::resolve(name).map_err(|error| not_a_system(label, name, &error, "give an EPSG code"))?;

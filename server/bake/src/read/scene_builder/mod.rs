@@ -187,22 +187,7 @@ impl SceneBuilder {
             self.pending.update(number, |object| object.is_dropped = true)?;
         }
         // Triangles of an object that was never closed have this number.
-        self.pending.push(PendingObject {
-            id: Box::default(),
-            id_hash: 0,
-            kind: ObjectKind::Building,
-            source: 0,
-            is_dropped: true,
-            relation: ObjectRelation::default(),
-            surface_m2: 0.0,
-            anchor: [0.0; 3],
-            min: [0.0; 3],
-            max: [0.0; 3],
-            triangles: 0,
-            shape_hash: 0,
-            has_own_base: false,
-            ground_m: None,
-        });
+        self.pending.push(PendingObject { is_dropped: true, ..PendingObject::default() });
         Ok(())
     }
 }

@@ -32,7 +32,7 @@ pub(crate) struct ObjectRelation {
 }
 
 /// A closed object.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct PendingObject {
     pub(super) id: Box<str>,
     /// See [`hash_of_id`].
@@ -133,6 +133,7 @@ impl PendingObject {
 }
 
 /// An object whose triangles are added one part after the other, so that they are never in memory together.
+#[derive(Default)]
 pub(crate) struct OpenObject {
     pub(super) kind: ObjectKind,
     pub(super) anchor: Option<[f64; 3]>,
@@ -153,18 +154,7 @@ pub(crate) struct OpenObject {
 
 impl OpenObject {
     pub(crate) fn new(kind: ObjectKind) -> Self {
-        Self {
-            kind,
-            anchor: None,
-            min: [0.0; 3],
-            max: [0.0; 3],
-            surface_m2: 0.0,
-            shape_hash: 0,
-            triangles: 0,
-            has_facade: false,
-            has_own_base: false,
-            ground_m: None,
-        }
+        Self { kind, ..Self::default() }
     }
 
     /// Adds the corners of a triangle, relative to the anchor, to the hash of the shape.

@@ -155,6 +155,7 @@ enum Step {
 }
 
 /// Puts the element together whose tags of XML are read.
+#[derive(Default)]
 struct Parser {
     wants: [bool; 3],
     wants_tags: bool,
@@ -201,23 +202,7 @@ impl Parser {
             wants_members: matches!(pass, Pass::Ways(ways) if ways.end == u64::MAX),
             is_first: matches!(pass, Pass::First),
             ways,
-            way: 0,
-            depth: 0,
-            has_root: false,
-            is_closed: false,
-            current: None,
-            id: None,
-            version: None,
-            before: None,
-            position: None,
-            has_position: false,
-            is_deleted: false,
-            is_member: false,
-            refs: Vec::new(),
-            members: Vec::new(),
-            text: Vec::new(),
-            spans: Vec::new(),
-            fault: None,
+            ..Self::default()
         }
     }
 
