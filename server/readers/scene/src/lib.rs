@@ -1,5 +1,6 @@
 //! Reads glTF, 3D Tiles, I3S, OBJ and mesh files.
 
+mod bytes;
 mod gltf;
 mod i3s;
 mod mesh_file;

@@ -5,76 +5,20 @@ use std::borrow::Cow;
 use super::buffers::Buffers;
 use super::fault::Fault;
 use super::schema::{Accessor, Root, Sparse};
+use crate::bytes::{Number, NumberType};
 
 /// Kind of all faults of accessors.
 const KIND: &str = "accessor of a glTF is invalid";
 
-/// Type of a component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
+/// The type of a component by its code in WebGL.
+fn component_of_code(code: u32) -> Option<NumberType> {
+    NumberType::by_name("5120 5121 5122 5123 5124 5125 - - 5126 5130", &code.to_string())
 }
 
-impl Component {
-    fn of_code(code: u32) -> Option<Self> {
-        Some(match code {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5124 => Self::I32,
-            5125 => Self::U32,
-            5126 => Self::F32,
-            5130 => Self::F64,
-            _ => return None,
-        })
-    }
-
-    pub(super) fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The value of the first bytes, little-endian; 0 if there are too few.
-    fn value(self, bytes: &[u8]) -> f64 {
-        fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
-            bytes.first_chunk().copied().unwrap_or([0; N])
-        }
-        match self {
-            Self::I8 => i8::from_le_bytes(first(bytes)).into(),
-            Self::U8 => u8::from_le_bytes(first(bytes)).into(),
-            Self::I16 => i16::from_le_bytes(first(bytes)).into(),
-            Self::U16 => u16::from_le_bytes(first(bytes)).into(),
-            Self::I32 => i32::from_le_bytes(first(bytes)).into(),
-            Self::U32 => u32::from_le_bytes(first(bytes)).into(),
-            Self::F32 => f32::from_le_bytes(first(bytes)).into(),
-            Self::F64 => f64::from_le_bytes(first(bytes)),
-        }
-    }
-
-    /// Divisor of normalised values; 1 for floats.
-    fn scale(self) -> f64 {
-        match self {
-            Self::I8 => 127.0,
-            Self::U8 => 255.0,
-            Self::I16 => 32_767.0,
-            Self::U16 => 65_535.0,
-            Self::I32 => 2_147_483_647.0,
-            Self::U32 => 4_294_967_295.0,
-            Self::F32 | Self::F64 => 1.0,
-        }
-    }
+/// The number at a byte; 0 if it is not all there.
+#[inline]
+fn value_at(component: NumberType, bytes: &[u8], at: usize) -> f64 {
+    component.read(bytes, at).map_or(0.0, Number::to_f64)
 }
 
 /// Elements of an accessor. All of them are in bounds.
@@ -84,7 +28,7 @@ pub(super) struct Column<'a> {
     pub(super) count: usize,
     /// Between elements.
     pub(super) stride: usize,
-    pub(super) component: Component,
+    pub(super) component: NumberType,
     /// Components of an element.
     pub(super) width: usize,
     pub(super) is_normalised: bool,
@@ -97,11 +41,10 @@ impl Column<'_> {
         let start = index.saturating_mul(self.stride);
         let mut values = [0.0; N];
         for (k, value) in values.iter_mut().enumerate().take(self.width) {
-            let bytes = self.bytes.get(start.saturating_add(k * size)..).unwrap_or(&[]);
-            *value = self.component.value(bytes);
+            *value = value_at(self.component, &self.bytes, start.saturating_add(k * size));
         }
         if self.is_normalised {
-            let scale = self.component.scale();
+            let scale = self.component.largest();
             values.iter_mut().for_each(|value| *value = (*value / scale).max(-1.0));
         }
         values
@@ -110,7 +53,7 @@ impl Column<'_> {
     /// An element of whole numbers: an index or an identifier.
     pub(super) fn whole(&self, index: usize) -> u32 {
         let start = index.saturating_mul(self.stride);
-        self.component.value(self.bytes.get(start..).unwrap_or(&[])).round() as u32
+        value_at(self.component, &self.bytes, start).round() as u32
     }
 }
 
@@ -142,8 +85,8 @@ pub(super) fn column<'a>(root: &'a Root, buffers: &'a Buffers<'_>, index: usize)
 }
 
 /// Type and number of the components of an element.
-pub(super) fn layout(accessor: &Accessor) -> Result<(Component, usize), &'static str> {
-    let component = Component::of_code(accessor.component_type).ok_or("its component type is unknown")?;
+pub(super) fn layout(accessor: &Accessor) -> Result<(NumberType, usize), &'static str> {
+    let component = component_of_code(accessor.component_type).ok_or("its component type is unknown")?;
     let width = match &*accessor.shape {
         "SCALAR" => 1,
         "VEC2" => 2,
@@ -188,13 +131,13 @@ fn replaced<'a>(
     }
     let count = usize::try_from(sparse.count).map_err(|_| fault("its sparse count is too large"))?;
     let number =
-        Component::of_code(sparse.indices.component_type).ok_or_else(|| fault("unknown type of sparse indices"))?;
+        component_of_code(sparse.indices.component_type).ok_or_else(|| fault("unknown type of sparse indices"))?;
     let places = buffers.view(sparse.indices.buffer_view)?;
     let places = elements(places, sparse.indices.byte_offset, count, number.bytes(), number.bytes()).map_err(&fault)?;
     let values = buffers.view(sparse.values.buffer_view)?;
     let values = elements(values, sparse.values.byte_offset, count, size, size).map_err(&fault)?;
     for (place, value) in places.chunks_exact(number.bytes()).zip(values.chunks_exact(size)).take(count) {
-        let start = (number.value(place) as usize).saturating_mul(size);
+        let start = (value_at(number, place, 0) as usize).saturating_mul(size);
         let element =
             packed.get_mut(start..start.saturating_add(size)).ok_or_else(|| fault("sparse index out of range"))?;
         element.copy_from_slice(value);

@@ -3,6 +3,7 @@
 use super::document::{Document, check_required};
 use super::schema::Root;
 use super::version1;
+use crate::bytes::u32_at;
 use insula_source::error::InputError;
 
 const GLB_MAGIC: &[u8] = b"glTF";
@@ -98,8 +99,4 @@ fn glb<'a>(label: &str, bytes: &'a [u8]) -> Result<GlbParts<'a>, InputError> {
         at = next;
     }
     Ok((json.ok_or_else(|| damaged(12, "the GLB has no JSON chunk"))?, binary, 2))
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..at.checked_add(4)?)?.try_into().ok().map(u32::from_le_bytes)
 }

@@ -10,8 +10,9 @@ use draco_core::mesh::Mesh;
 use draco_core::mesh_decoder::MeshDecoder;
 use draco_core::status::ErrorKind;
 
-use super::accessor::{Column, Component};
+use super::accessor::Column;
 use super::fault::{Budget, Fault};
+use crate::bytes::NumberType;
 
 const KIND: &str = "Draco data cannot be read";
 
@@ -45,14 +46,14 @@ impl DracoMesh {
         let attribute = self.mesh.attribute_by_unique_id(id);
         let attribute = attribute.ok_or_else(|| Fault::new(KIND, format!("attribute {id} does not exist")))?;
         let component = match attribute.data_type() {
-            DataType::Int8 => Component::I8,
-            DataType::Uint8 | DataType::Bool => Component::U8,
-            DataType::Int16 => Component::I16,
-            DataType::Uint16 => Component::U16,
-            DataType::Int32 => Component::I32,
-            DataType::Uint32 => Component::U32,
-            DataType::Float32 => Component::F32,
-            DataType::Float64 => Component::F64,
+            DataType::Int8 => NumberType::I8,
+            DataType::Uint8 | DataType::Bool => NumberType::U8,
+            DataType::Int16 => NumberType::I16,
+            DataType::Uint16 => NumberType::U16,
+            DataType::Int32 => NumberType::I32,
+            DataType::Uint32 => NumberType::U32,
+            DataType::Float32 => NumberType::F32,
+            DataType::Float64 => NumberType::F64,
             _ => return Err(Fault::new(KIND, format!("attribute {id} has an unknown type"))),
         };
         let (count, width) = (self.mesh.num_points(), usize::from(attribute.num_components()));

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::io::Read;
 
 use super::fault::{Budget, Fault};
+use crate::bytes::{u32_at, u64_at};
 
 const MAGIC: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 /// Bytes before the index of levels.
@@ -71,7 +72,7 @@ fn transcode(_: &[u8]) -> Result<Vec<u8>, Fault> {
 /// The file with its first level unpacked and no others.
 fn unpack(bytes: &[u8], texels: u64) -> Result<Vec<u8>, &'static str> {
     let cut = "it is cut short";
-    let word = |at: usize| -> Option<u64> { bytes.get(at..at + 8)?.try_into().ok().map(u64::from_le_bytes) };
+    let word = |at: usize| u64_at(bytes, at);
     let range = |start: u64, length: u64| {
         let start = usize::try_from(start).ok()?;
         bytes.get(start..start.checked_add(usize::try_from(length).ok()?)?)
@@ -107,8 +108,4 @@ fn unpack(bytes: &[u8], texels: u64) -> Result<Vec<u8>, &'static str> {
     plain.extend(std::iter::repeat_n(0, padding));
     plain.extend(level);
     Ok(plain)
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes)
 }

@@ -7,7 +7,8 @@ use super::buffers::Buffers;
 use super::extras::push_value;
 use super::fault::Fault;
 use super::metadata_schema::{ClassProperty, EnumType, MetadataSchema, StructuralMetadata, TableColumn, TableEntry};
-use super::metadata_values::{Number, Values};
+use super::metadata_values::{NUMBERS, Values};
+use crate::bytes::NumberType;
 use insula_source::attributes::{AttributeValue, Attributes};
 
 const KIND: &str = "property of a table cannot be read";
@@ -131,8 +132,10 @@ fn read_values(
     count: u32,
     buffers: &Buffers<'_>,
 ) -> Result<Values, Fault> {
-    let number = |name: &Option<String>, default: Number| match name {
-        Some(name) => Number::by_name(name).ok_or_else(|| Fault::new(KIND, format!("unknown type {name}"))),
+    let number = |name: &Option<String>, default: NumberType| match name {
+        Some(name) => {
+            NumberType::by_name(NUMBERS, name).ok_or_else(|| Fault::new(KIND, format!("unknown type {name}")))
+        }
         None => Ok(default),
     };
     let copy = |view: usize| -> Result<Vec<u8>, Fault> {
@@ -140,8 +143,8 @@ fn read_values(
         buffers.budget().take_bytes(bytes.len() as u64)?;
         Ok(bytes.to_vec())
     };
-    let offsets = |view: Option<usize>, name: &Option<String>| -> Result<Option<(Vec<u8>, Number)>, Fault> {
-        view.map(|view| Ok((copy(view)?, number(name, Number::U32)?))).transpose()
+    let offsets = |view: Option<usize>, name: &Option<String>| -> Result<Option<(Vec<u8>, NumberType)>, Fault> {
+        view.map(|view| Ok((copy(view)?, number(name, NumberType::U32)?))).transpose()
     };
     let width = match property.shape.as_str() {
         "VEC2" => 2,
@@ -152,9 +155,9 @@ fn read_values(
         _ => 1,
     };
     let component = match property.shape.as_str() {
-        "ENUM" => number(&enum_type.and_then(|e| e.value_type.clone()), Number::U16)?,
-        "STRING" | "BOOLEAN" => Number::U8,
-        _ => number(&property.component_type, Number::F32)?,
+        "ENUM" => number(&enum_type.and_then(|e| e.value_type.clone()), NumberType::U16)?,
+        "STRING" | "BOOLEAN" => NumberType::U8,
+        _ => number(&property.component_type, NumberType::F32)?,
     };
     let values = Values {
         bytes: copy(found.values)?,

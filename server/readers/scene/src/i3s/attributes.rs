@@ -2,8 +2,11 @@
 
 use super::layer::{AttributeJson, FieldJson, HeaderJson};
 use super::resources::{Resource, Resources};
-use crate::tiles3d::bytes::{array_at, part, u32_at};
+use crate::bytes::{Number, NumberType, part, u32_at};
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
+
+/// Names of the types of numbers.
+pub(super) const NUMBERS: &str = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64";
 
 /// The values of all attributes of a node.
 #[derive(Debug, Default)]
@@ -53,11 +56,12 @@ fn column(json: &AttributeJson, is_date: bool, bytes: &[u8]) -> Result<Vec<Optio
     if value_type.eq_ignore_ascii_case("String") {
         return texts(bytes, header_of(&json.header, header_bytes), count, is_date);
     }
-    let (width, parse) = number(value_type).ok_or("its type is not known")?;
+    let number = number(value_type).ok_or("its type is not known")?;
+    let width = number.bytes();
     // Numbers of eight bytes start at a multiple of eight.
     let start = header_bytes.next_multiple_of(width as u64);
     let data = part(bytes, start, count as u64 * width as u64).ok_or("it is cut short")?;
-    Ok(data.chunks_exact(width).map(parse).collect())
+    Ok(data.chunks_exact(width).map(|bytes| number.read(bytes, 0).map(Number::to_attribute)).collect())
 }
 
 /// Bytes of the header of texts: their number, and the number of their bytes.
@@ -81,26 +85,13 @@ fn texts(bytes: &[u8], start: u64, count: usize, is_date: bool) -> Result<Vec<Op
     Ok(values)
 }
 
-type Parse = fn(&[u8]) -> Option<AttributeValue>;
-
-/// Bytes of a number type, and what reads it.
-fn number(name: &str) -> Option<(usize, Parse)> {
-    fn integer<const N: usize, T: Into<i64>>(bytes: &[u8], from: fn([u8; N]) -> T) -> Option<AttributeValue> {
-        array_at(bytes, 0).map(|bytes| AttributeValue::Integer(from(bytes).into()))
-    }
-    Some(match name {
-        "Int8" => (1, |bytes| integer(bytes, i8::from_le_bytes)),
-        "UInt8" => (1, |bytes| integer(bytes, u8::from_le_bytes)),
-        "Int16" => (2, |bytes| integer(bytes, i16::from_le_bytes)),
-        "UInt16" => (2, |bytes| integer(bytes, u16::from_le_bytes)),
-        "Int32" => (4, |bytes| integer(bytes, i32::from_le_bytes)),
-        "UInt32" | "Oid32" => (4, |bytes| integer(bytes, u32::from_le_bytes)),
-        "Int64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
-        "UInt64" | "Oid64" => (8, |bytes| Some(AttributeValue::unsigned(u64::from_le_bytes(array_at(bytes, 0)?)))),
-        "Float32" => (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::single(f32::from_le_bytes(bytes)))),
-        "Float64" => (8, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f64::from_le_bytes(bytes)))),
-        _ => return None,
-    })
+fn number(name: &str) -> Option<NumberType> {
+    let name = match name {
+        "Oid32" => "UInt32",
+        "Oid64" => "UInt64",
+        name => name,
+    };
+    NumberType::by_name(NUMBERS, name)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use draco_core::mesh::Mesh;
 use draco_core::mesh_decoder::MeshDecoder;
 
 use super::mesh::{NO_FEATURE, NodeMesh};
-use crate::tiles3d::bytes::array_at;
+use crate::bytes::array_at;
 
 /// First bytes of a compressed buffer.
 pub(super) const MAGIC: &[u8; 5] = b"DRACO";

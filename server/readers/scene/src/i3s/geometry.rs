@@ -2,9 +2,10 @@
 
 use serde_json::{Map, Value};
 
+use super::attributes::NUMBERS;
 use super::layer::{BufferJson, FormatJson, SchemaJson};
 use super::mesh::{NO_FEATURE, NodeMesh};
-use crate::tiles3d::bytes::{array_at, f32_at, f64_at, part, u16_at, u32_at, u64_at};
+use crate::bytes::{NumberType, array_at, f32_at, f64_at, part, u16_at, u32_at, u64_at};
 
 /// Which attribute of vertices or features a part of a buffer has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,45 +20,17 @@ enum Meaning {
     Other,
 }
 
-/// Type of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Number {
-    U8,
-    U16,
-    U32,
-    U64,
-    F32,
-    F64,
-}
-
-impl Number {
-    fn new(name: &str) -> Option<Self> {
-        Some(match name {
-            "UInt8" | "Int8" => Self::U8,
-            "UInt16" | "Int16" => Self::U16,
-            "UInt32" | "Int32" => Self::U32,
-            "UInt64" | "Int64" => Self::U64,
-            "Float32" => Self::F32,
-            "Float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> u64 {
-        match self {
-            Self::U8 => 1,
-            Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-            Self::U64 | Self::F64 => 8,
-        }
-    }
+/// The type of a number. Those with a sign are read without, as no attribute has one.
+fn number_by_name(name: &str) -> Option<NumberType> {
+    let unsigned = name.strip_prefix("Int").map(|bits| format!("UInt{bits}"));
+    NumberType::by_name(NUMBERS, unsigned.as_deref().unwrap_or(name))
 }
 
 /// One attribute of a layout.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Field {
     meaning: Meaning,
-    number: Number,
+    number: NumberType,
     components: u32,
     is_per_feature: bool,
 }
@@ -66,8 +39,8 @@ struct Field {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Layout {
     /// Where the numbers of vertices and features are, with their types.
-    vertex_count: Option<(u64, Number)>,
-    feature_count: Option<(u64, Number)>,
+    vertex_count: Option<(u64, NumberType)>,
+    feature_count: Option<(u64, NumberType)>,
     /// Where the attributes start.
     offset: u64,
     fields: Vec<Field>,
@@ -92,7 +65,7 @@ impl Layout {
         for (format, meaning) in attributes {
             let Some(format) = format else { continue };
             let name = format.r#type.as_deref().unwrap_or_default();
-            let number = Number::new(name).ok_or_else(|| format!("the type `{name}` is not known"))?;
+            let number = number_by_name(name).ok_or_else(|| format!("the type `{name}` is not known"))?;
             let is_per_feature = match format.binding.as_deref() {
                 Some(binding) => binding == "per-feature",
                 None => matches!(meaning, Meaning::FeatureId | Meaning::FaceRange),
@@ -102,8 +75,8 @@ impl Layout {
         // Buffers with an offset have the header of earlier versions.
         let has_header = json.offset >= 8;
         Ok(Self {
-            vertex_count: has_header.then_some((0, Number::U32)),
-            feature_count: has_header.then_some((4, Number::U32)),
+            vertex_count: has_header.then_some((0, NumberType::U32)),
+            feature_count: has_header.then_some((4, NumberType::U32)),
             offset: json.offset,
             fields,
             is_loose: false,
@@ -118,13 +91,13 @@ impl Layout {
         let mut layout = Self { is_loose: true, ..Self::default() };
         for header in schema.header.iter().flatten() {
             let name = header.r#type.as_deref().unwrap_or_default();
-            let number = Number::new(name).ok_or_else(|| format!("the type `{name}` is not known"))?;
+            let number = number_by_name(name).ok_or_else(|| format!("the type `{name}` is not known"))?;
             match header.property.as_deref() {
                 Some("vertexCount") => layout.vertex_count = Some((layout.offset, number)),
                 Some("featureCount") => layout.feature_count = Some((layout.offset, number)),
                 _ => {}
             }
-            layout.offset += number.bytes();
+            layout.offset += number.bytes() as u64;
         }
         layout.add_fields(&schema.ordering, &schema.vertex_attributes, false)?;
         layout.add_fields(&schema.feature_attribute_order, &schema.feature_attributes, true)?;
@@ -140,7 +113,7 @@ impl Layout {
         for name in order.iter().flatten() {
             let Some(attribute) = attributes.as_ref().and_then(|attributes| attributes.get(name)) else { continue };
             let type_name = attribute.get("valueType").and_then(Value::as_str).unwrap_or_default();
-            let number = Number::new(type_name).ok_or_else(|| format!("the type `{type_name}` is not known"))?;
+            let number = number_by_name(type_name).ok_or_else(|| format!("the type `{type_name}` is not known"))?;
             let components = attribute.get("valuesPerElement").and_then(Value::as_u64).unwrap_or(1);
             let meaning = match name.as_str() {
                 "position" => Meaning::Position,
@@ -160,10 +133,10 @@ impl Layout {
     /// Decodes a buffer. `counts` are the numbers of vertices and features that the node tells, for buffers without a header.
     /// Fails with what is wrong.
     pub(super) fn decode(&self, bytes: &[u8], counts: [Option<u64>; 2]) -> Result<NodeMesh, String> {
-        let count = |place: Option<(u64, Number)>| {
+        let count = |place: Option<(u64, NumberType)>| {
             let (at, number) = place?;
             let at = usize::try_from(at).ok()?;
-            if number == Number::U64 { u64_at(bytes, at) } else { u32_at(bytes, at).map(u64::from) }
+            if number == NumberType::U64 { u64_at(bytes, at) } else { u32_at(bytes, at).map(u64::from) }
         };
         let vertices = count(self.vertex_count).or(counts[0]).ok_or("the number of vertices is missing")?;
         let features = count(self.feature_count).or(counts[1]).unwrap_or(0);
@@ -218,41 +191,41 @@ impl Layout {
 
 impl Field {
     fn size(self, items: u64) -> Option<u64> {
-        items.checked_mul(u64::from(self.components))?.checked_mul(self.number.bytes())
+        items.checked_mul(u64::from(self.components))?.checked_mul(self.number.bytes() as u64)
     }
 
     /// Adds the values of a part of a buffer, which has whole items only.
     fn read(self, data: &[u8], mesh: &mut NodeMesh, ranges: &mut Vec<[u32; 2]>) -> Result<(), String> {
-        let width = self.number.bytes() as usize;
+        let width = self.number.bytes();
         let stride = width * self.components as usize;
         if stride == 0 {
             return Ok(());
         }
         let items = data.chunks_exact(stride);
         match (self.meaning, self.number, self.components) {
-            (Meaning::Position, Number::F32, 3..) => {
+            (Meaning::Position, NumberType::F32, 3..) => {
                 mesh.offsets =
                     items.map(|item| [0, 4, 8].map(|at| f64::from(f32_at(item, at).unwrap_or(f32::NAN)))).collect();
             }
-            (Meaning::Position, Number::F64, 3..) => {
+            (Meaning::Position, NumberType::F64, 3..) => {
                 mesh.offsets = items.map(|item| [0, 8, 16].map(|at| f64_at(item, at).unwrap_or(f64::NAN))).collect();
             }
-            (Meaning::Uv, Number::F32, 2..) => {
+            (Meaning::Uv, NumberType::F32, 2..) => {
                 mesh.uv = items.map(|item| [0, 4].map(|at| f32_at(item, at).unwrap_or_default())).collect();
             }
-            (Meaning::Colour, Number::U8, 3..) => {
+            (Meaning::Colour, NumberType::U8, 3..) => {
                 mesh.colours = items.map(|item| array_at(item, 0).unwrap_or([255; 3])).collect();
             }
-            (Meaning::Region, Number::U16, 4..) => {
+            (Meaning::Region, NumberType::U16, 4..) => {
                 mesh.regions = items.map(|item| [0, 2, 4, 6].map(|at| u16_at(item, at).unwrap_or_default())).collect();
             }
-            (Meaning::FeatureId, Number::U64, _) => {
+            (Meaning::FeatureId, NumberType::U64, _) => {
                 mesh.features = items.map(|item| u64_at(item, 0).unwrap_or_default()).collect();
             }
-            (Meaning::FeatureId, Number::U32, _) => {
+            (Meaning::FeatureId, NumberType::U32, _) => {
                 mesh.features = items.map(|item| u32_at(item, 0).map_or(0, u64::from)).collect();
             }
-            (Meaning::FaceRange, Number::U32, 2..) => {
+            (Meaning::FaceRange, NumberType::U32, 2..) => {
                 ranges.extend(items.map(|item| [0, 4].map(|at| u32_at(item, at).unwrap_or_default())));
             }
             (Meaning::Other, ..) => {}

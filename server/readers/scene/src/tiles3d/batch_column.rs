@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::bytes::{array_at, part};
+use crate::bytes::{Number, NumberType, part};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::json::attributes::flatten_value;
 
@@ -10,59 +10,12 @@ use insula_source::json::attributes::flatten_value;
 #[derive(Debug)]
 pub(super) enum Column<'a> {
     Json(Vec<Value>),
-    Binary { bytes: &'a [u8], component: Component, components: usize },
+    Binary { bytes: &'a [u8], component: NumberType, components: usize },
 }
 
-/// Type of a number in binary columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Component {
-    pub(super) fn new(name: &str) -> Option<Self> {
-        Some(match name {
-            "BYTE" => Self::I8,
-            "UNSIGNED_BYTE" => Self::U8,
-            "SHORT" => Self::I16,
-            "UNSIGNED_SHORT" => Self::U16,
-            "INT" => Self::I32,
-            "UNSIGNED_INT" => Self::U32,
-            "FLOAT" => Self::F32,
-            "DOUBLE" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    pub(super) fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The number at a byte.
-    pub(super) fn value_at(self, bytes: &[u8], at: usize) -> Option<AttributeValue> {
-        Some(match self {
-            Self::I8 => AttributeValue::Integer(i8::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::U8 => AttributeValue::Integer(u8::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::I16 => AttributeValue::Integer(i16::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::U16 => AttributeValue::Integer(u16::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::I32 => AttributeValue::Integer(i32::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::U32 => AttributeValue::Integer(u32::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::F32 => AttributeValue::single(f32::from_le_bytes(array_at(bytes, at)?)),
-            Self::F64 => AttributeValue::Float(f64::from_le_bytes(array_at(bytes, at)?)),
-        })
-    }
+/// The type of a number in binary columns.
+pub(super) fn component_by_name(name: &str) -> Option<NumberType> {
+    NumberType::by_name("BYTE UNSIGNED_BYTE SHORT UNSIGNED_SHORT INT UNSIGNED_INT - - FLOAT DOUBLE", name)
 }
 
 impl<'a> Column<'a> {
@@ -73,7 +26,7 @@ impl<'a> Column<'a> {
         }
         let text = |name: &str| json.get(name).and_then(Value::as_str);
         let offset = json.get("byteOffset").and_then(Value::as_u64).ok_or("neither a list nor a part of the binary")?;
-        let component = text("componentType").and_then(Component::new).ok_or("unknown component type")?;
+        let component = text("componentType").and_then(component_by_name).ok_or("unknown component type")?;
         let components = match text("type") {
             Some("SCALAR") | None => 1,
             Some("VEC2") => 2,
@@ -97,7 +50,7 @@ impl<'a> Column<'a> {
             Self::Binary { bytes, component, components } => {
                 for i in 0..*components {
                     let at = row.saturating_mul(*components).saturating_add(i).saturating_mul(component.bytes());
-                    let Some(value) = component.value_at(bytes, at) else { return };
+                    let Some(value) = component.read(bytes, at).map(Number::to_attribute) else { return };
                     if *components == 1 { into.push(name, value) } else { into.push(&format!("{name}.{i}"), value) }
                 }
             }
@@ -109,10 +62,7 @@ impl<'a> Column<'a> {
         match self {
             Self::Json(values) => values.get(row)?.as_u64().and_then(|value| u32::try_from(value).ok()),
             Self::Binary { bytes, component, components } => {
-                match component.value_at(bytes, row.checked_mul(component.bytes() * components)?)? {
-                    AttributeValue::Integer(value) => u32::try_from(value).ok(),
-                    _ => None,
-                }
+                component.read(bytes, row.checked_mul(component.bytes() * components)?)?.to_u32()
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use super::bytes::{part, u32_at};
+use crate::bytes::{part, u32_at};
 
 /// A length of tables that is in truth the start of JSON or of a GLB: the file has an older header without that length.
 const FIRST_BYTES_OF_TEXT: u32 = 0x2200_0000;
@@ -56,7 +56,7 @@ impl Tables<'_> {
         }
         let offset = value.get("byteOffset")?.as_u64()?;
         let bytes = part(self.feature_binary, offset, 12)?;
-        Some([0, 4, 8].map(|at| f64::from(super::bytes::f32_at(bytes, at).unwrap_or_default())))
+        Some([0, 4, 8].map(|at| f64::from(crate::bytes::f32_at(bytes, at).unwrap_or_default())))
     }
 }
 

@@ -3,11 +3,10 @@
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::Value;
 
-use super::batch_column::Component;
-use super::bytes::{f32_at, part, u16_at};
+use super::batch_column::component_by_name;
 use super::container::Tables;
 use super::globe;
-use insula_source::attributes::AttributeValue;
+use crate::bytes::{Number, NumberType, f32_at, part, u16_at};
 
 /// The instances of a tile.
 #[derive(Debug)]
@@ -19,7 +18,7 @@ pub(super) struct Instances<'a> {
     turn: Turn<'a>,
     scale: Option<&'a [u8]>,
     scale_xyz: Option<&'a [u8]>,
-    batch_ids: Option<(&'a [u8], Component)>,
+    batch_ids: Option<(&'a [u8], NumberType)>,
 }
 
 #[derive(Debug)]
@@ -75,7 +74,7 @@ impl<'a> Instances<'a> {
         };
         let ids = tables.feature_json.get("BATCH_ID");
         let component = ids.and_then(|ids| ids.get("componentType")).and_then(Value::as_str);
-        let component = component.and_then(Component::new).unwrap_or(Component::U16);
+        let component = component.and_then(component_by_name).unwrap_or(NumberType::U16);
         let batch_ids = property("BATCH_ID", component.bytes() as u64)?.map(|bytes| (bytes, component));
         Ok(Self {
             count,
@@ -91,10 +90,8 @@ impl<'a> Instances<'a> {
     /// The feature that an instance is.
     pub(super) fn feature(&self, instance: u32) -> u32 {
         let Some((bytes, component)) = self.batch_ids else { return instance };
-        match component.value_at(bytes, instance as usize * component.bytes()) {
-            Some(AttributeValue::Integer(id)) => u32::try_from(id).unwrap_or(instance),
-            _ => instance,
-        }
+        let id = component.read(bytes, instance as usize * component.bytes());
+        id.and_then(Number::to_u32).unwrap_or(instance)
     }
 
     /// Number of features that the instances are.

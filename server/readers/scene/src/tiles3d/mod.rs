@@ -4,7 +4,6 @@
 
 mod batch_column;
 mod batch_table;
-pub(crate) mod bytes;
 mod container;
 mod content;
 pub(crate) mod files;

@@ -2,8 +2,8 @@
 
 use serde::Deserialize;
 
-use super::bytes::{part, u32_at, u64_at};
 use super::uri;
+use crate::bytes::{part, u32_at, u64_at};
 
 const MAGIC: &[u8; 4] = b"subt";
 const HEADER_BYTES: usize = 24;
