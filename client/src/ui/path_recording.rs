@@ -93,13 +93,11 @@ mod tests {
         }
         let path = recorder.finish(begin + Duration::from_secs(7), &camera(7.0));
         assert!(path.keys.len() < 50, "{} keys, though a resting camera needs only two", path.keys.len());
-        let folder = std::env::temp_dir().join(format!("insula-record-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let write = || write_new(&path, &folder, "insula-path").unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let write = || write_new(&path, folder.path(), "insula-path").unwrap();
         let (file, other) = (write(), write());
         assert_ne!(file, other);
         let path = read_path(&file).unwrap();
-        std::fs::remove_dir_all(folder).unwrap();
         for t in [0.0, 0.5, 1.05, 2.22, 4.99, 6.0, 7.0] {
             let (flown, replayed) = (camera(t), path.camera_at(t).unwrap());
             assert!((flown.position - replayed.position).length() < 1.0, "{t}: {flown:?} {replayed:?}");

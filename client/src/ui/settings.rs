@@ -150,17 +150,10 @@ pub fn is_window_size(size: [u32; 2]) -> bool {
 mod tests {
     use super::*;
 
-    fn folder(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("insula-settings-{}-{name}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
-        fs::create_dir_all(&folder).unwrap();
-        folder
-    }
-
     #[test]
     fn stored_settings_load_unchanged() {
-        let folder = folder("back");
-        let path = folder.join("deeper").join("settings.json");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deeper").join("settings.json");
         assert_eq!(UserSettings::load(&path), (UserSettings::default(), None));
         let mut settings = UserSettings { window: [640, 480], tau_px: 2.0, minimap: false, ..UserSettings::default() };
         let camera: CameraFile = serde_json::from_str(r#"{"position":[1,2,3],"target":[4,5,6]}"#).unwrap();
@@ -173,13 +166,12 @@ mod tests {
         }
         settings.store(&path).unwrap();
         assert_eq!(UserSettings::load(&path).1, None, "it stored settings that it does not load");
-        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
     fn a_damaged_file_is_reported_and_renamed() {
-        let folder = folder("damaged");
-        let path = folder.join("settings.json");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.json");
         let wrong_camera = r#"{"bookmarks":{"a":[{"name":"b","camera":{"position":[0,0,0],"target":[0,0,0]}}]}}"#;
         for (damaged, number) in
             ["", "{", "7", r#"{"tau_px":"x"}"#, r#"{"tau_px":0}"#, r#"{"window":[1,1]}"#, wrong_camera]
@@ -189,11 +181,10 @@ mod tests {
             fs::write(&path, damaged).unwrap();
             let (settings, note) = UserSettings::load(&path);
             assert!(settings == UserSettings::default() && note.unwrap().contains("settings.json"), "{damaged}");
-            let kept = folder.join(format!("settings.damaged-{number}.json"));
+            let kept = folder.path().join(format!("settings.damaged-{number}.json"));
             assert!(!path.exists() && fs::read_to_string(kept).unwrap() == damaged);
         }
         fs::write(&path, r#"{"tau_px":3,"of_a_later_version":1}"#).unwrap();
         assert_eq!(UserSettings::load(&path).0.tau_px, 3.0);
-        fs::remove_dir_all(folder).unwrap();
     }
 }
