@@ -8,13 +8,12 @@ use insula_tests::{
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
-        only_pipeline_stages_have_in_out_and_next,
+        stages_of_the_pipeline_exist,
         every_module_has_a_doc,
         public_items_have_docs,
         no_file_is_too_long,
         no_unfinished_work_is_marked,
         no_file_names_a_machine,
-        twins_have_the_same_name,
         tests_named_by_the_security_page_exist,
         links_between_pages_resolve
     ]);
@@ -33,18 +32,10 @@ fn stages(architecture: &str) -> Vec<&str> {
     rows.filter_map(|row| row.split('|').nth(2)?.split('`').nth(1)).collect()
 }
 
-fn only_pipeline_stages_have_in_out_and_next() {
+fn stages_of_the_pipeline_exist() {
     let files = tracked_files().unwrap();
     let stages = stages(&files["docs/architecture.md"]);
     assert!(stages.len() > 10, "only {} stages in docs/architecture.md", stages.len());
-    for (name, text) in files.iter().filter(|(name, _)| name.ends_with(".rs")) {
-        let doc: String = text.lines().take_while(|line| line.starts_with("//!")).collect();
-        let is_stage = stages.contains(&name.as_str());
-        for word in ["In: ", "Out: ", "Next: "] {
-            let says = doc.contains(&format!("//! {word}")) || doc.contains(&format!(". {word}"));
-            assert_eq!(says, is_stage, "{name}: \"{}\" belongs to the stages of docs/architecture.md", word.trim_end());
-        }
-    }
     for stage in stages {
         assert!(files.contains_key(stage), "docs/architecture.md names {stage}, which does not exist");
     }
@@ -103,21 +94,6 @@ fn no_file_names_a_machine() {
         for word in banned {
             let line = text.lines().position(|line| line.contains(word) && !line.contains("github.com"));
             assert!(line.is_none(), "{name}:{} names {word}", line.unwrap_or_default() + 1);
-        }
-    }
-}
-
-/// One word names a stage in its WGSL file, its CPU twin, its GPU wrapper and its test.
-fn twins_have_the_same_name() {
-    let files = tracked_files().unwrap();
-    for stage in ["raycast"] {
-        for path in [
-            format!("shaders/wgsl/{stage}.wgsl"),
-            format!("shaders/src/cpu/{stage}.rs"),
-            format!("shaders/src/gpu/{stage}.rs"),
-            format!("tests/integration/twin_{stage}.rs"),
-        ] {
-            assert!(files.contains_key(&path), "{path} is missing");
         }
     }
 }
