@@ -161,10 +161,11 @@ fn a_bake_with_a_proposal_shows_the_same() {
         "features": [{ "type": "Feature", "id": "far", "properties": { "height": 6 }, "geometry": geometry }]
     });
     fs::write(folder.join("far.geojson"), far.to_string()).unwrap();
-    let bake = |more: &str| {
-        let line = format!("bake houses.geojson far.geojson --cell 1 --no-street-sets --no-picture {more}");
+    let bake_of = |inputs: &str, more: &str| {
+        let line = format!("bake {inputs} far.geojson --cell 1 --no-street-sets --no-picture {more}");
         call("insula-server", folder, &line.split(' ').map(OsStr::new).collect::<Vec<_>>())
     };
+    let bake = |more: &str| bake_of("houses.geojson", more);
     assert_eq!(bake("--out wide"), (Some(0), String::new()));
     let shown = format!("{TOWER}{KIOSK}[[remove]]\nids = [\"feature 1\"]\n");
     fs::write(folder.join("shown.toml"), &shown).unwrap();
@@ -181,7 +182,18 @@ fn a_bake_with_a_proposal_shows_the_same() {
     assert_eq!(report["read"]["proposal"], expected);
     assert!(report["blocks_unchanged"].as_u64() > Some(0) && report["blocks_baked"].as_u64() > Some(0), "{report}");
 
-    for (city, name, more) in [("wide", "shown", " --proposal shown.toml"), ("planned", "baked", "")] {
+    // A source that has the tower in the place of the house, and the kiosk.
+    let json_of = |name: &str| {
+        serde_json::from_slice::<Value>(&fs::read(folder.join(format!("{name}.geojson"))).unwrap()).unwrap()
+    };
+    let mut merged = json_of("houses");
+    merged["features"][0] = json!({ "type": "Feature", "properties": { "height": 40 }, "geometry": json_of("tower") });
+    fs::write(folder.join("merged.geojson"), merged.to_string()).unwrap();
+    let (code, text) = bake_of("merged.geojson kiosk.obj", "--at 4.36783,52.00686,0 --out merged");
+    assert_eq!(code, Some(0), "{text}");
+
+    let pictures = [("wide", "shown", " --proposal shown.toml"), ("planned", "baked", ""), ("merged", "merged", "")];
+    for (city, name, more) in pictures {
         let (code, text) = snapshot_of(folder, city, name, more);
         assert_eq!(code, Some(0), "{text}");
     }
@@ -192,9 +204,11 @@ fn a_bake_with_a_proposal_shows_the_same() {
     let differ = shown.iter().zip(&baked).filter(|(shown, baked)| (**shown == FIRST_ADDED) != (**baked == tower));
     let differ = differ.count();
     assert!(seen > 100 && differ <= seen / 8, "{differ} of {seen}");
-    let distances = distances(folder, "shown").into_iter().zip(distances(folder, "baked"));
-    let moved = distances.filter(|(shown, baked)| shown != baked && (shown - baked).abs() > 1.0).count();
-    assert!(moved <= shown.len() / 20, "{moved}");
+    for (other, tolerance_m, share) in [("shown", 1.0, 20), ("merged", 0.1, 100)] {
+        let both = distances(folder, other).into_iter().zip(distances(folder, "baked"));
+        let moved = both.filter(|(other, baked)| other != baked && (other - baked).abs() > tolerance_m).count();
+        assert!(moved <= shown.len() / share, "{other}: {moved}");
+    }
 }
 
 fn proposals_that_do_not_fit_are_refused() {

@@ -16,14 +16,17 @@ use insula_source::report::{ProposalReport, ReadReport, SourceFormat, SourceRepo
 use insula_source::source::CitySource;
 use insula_source::subject;
 
-/// Leaves out what the options' proposal removes, and reads what it adds; does nothing without one. What sources have twice is left out
-/// before. Fails if a file cannot be read, or if scratch files fail.
+/// Leaves out what the options' proposal removes, and reads what it adds; does nothing without one. What is outside of the wanted area, and
+/// what sources have twice, is left out before. Fails if a file cannot be read, or if scratch files fail.
 pub(super) fn apply(
     context: &mut ReadContext<'_>,
     report: &mut ReadReport,
     set_of_source: &mut Vec<u32>,
 ) -> Result<(), InputError> {
     let Some(proposal) = &context.options.proposal else { return Ok(()) };
+    if let Some([low, high]) = context.wanted_area() {
+        context.builder.drop_outside(low, high, &mut report.sources).map_err(failed)?;
+    }
     let duplicates = context.options.duplicates;
     context.builder.drop_duplicates(duplicates, &mut report.sources).map_err(failed)?;
     let removed = context.builder.drop_removed(&proposal.removed, &mut report.sources).map_err(failed)?;

@@ -62,6 +62,36 @@ fn several_sources_become_one_scene() {
 }
 
 #[test]
+fn a_proposal_removes_what_it_names_and_adds_what_is_no_duplicate() {
+    const TOWN: &str = "v 5 0 0\nv 6 0 0\nv 6 1 0\nv 8 0 0\nv 9 0 0\nv 9 1 0\no a\nf 1 2 3\no b\nf 4 5 6\n";
+    let again = format!("o a\n{OBJ}");
+    let folder = folder("proposal", &[("again.obj", again.as_bytes()), ("block.geojson", b"{}")]);
+    let add = |name: &str, content| AddedInput { file: folder.path.join(name), content };
+    let block = vec![[[2.0, 0.0, 1.0], [3.0, 0.0, 1.0], [2.0, 1.0, 5.0]]];
+    let named = |bounds_m| RemovedObject { identifier: "a".to_owned(), bounds_m };
+    let read = |removed| {
+        // It lies at height 0, so it has none of its own.
+        let model = add("again.obj", AddedContent::Model { base_m: 7.0 });
+        let added = vec![model, add("block.geojson", AddedContent::Block(block.clone()))];
+        let proposal = ProposalOptions { title: "Plan".to_owned(), added, removed, missing: Vec::new() };
+        let options = ReadOptions { proposal: Some(proposal), ..ReadOptions::default() };
+        read_embedded(&[("town.obj", TOWN.as_bytes())], &options, &|_| {}).unwrap()
+    };
+    let (scene, report) = read(vec![named([[5.0, 0.0], [6.0, 1.0]])]);
+    let heights = |scene: &Scene| -> Vec<_> {
+        let height_m = |base_z_m: f32| scene.origin[2] + f64::from(base_z_m);
+        scene.objects.iter().map(|object| (object.id.clone(), height_m(object.base_z_m))).collect()
+    };
+    let of = |id: &str, height_m: f64| (id.to_owned(), height_m);
+    assert_eq!(heights(&scene), [of("b", 0.0), of("a", 7.0), of("block.geojson", 1.0)]);
+    let counts = report.proposal.map(|proposal| (proposal.removed, proposal.added));
+    assert_eq!((counts, report.objects), (Some((1, 2)), 3));
+    // Another object of the name stays.
+    let (scene, report) = read(vec![named([[50.0, 0.0], [60.0, 1.0]])]);
+    assert_eq!((scene.objects.len(), report.proposal.map(|proposal| proposal.removed)), (4, Some(0)));
+}
+
+#[test]
 fn reading_is_deterministic() {
     let city = city("");
     let files: [(&str, &[u8]); 2] = [("a.json", city.as_bytes()), ("b.obj", OBJ.as_bytes())];
