@@ -27,12 +27,7 @@ const MOST_BORDER = 1000;
  * @returns {Promise<ProposalView|null>}
  */
 export async function openProposals(page, tools, content) {
-  const url = new URL(page.city.src, document.baseURI);
-  url.pathname = url.pathname.replace(/\/*$/, `/${FILE}`);
-  const response = await fetch(url);
-  if (!response.ok) throw new Error(`HTTP ${response.status}`);
-  /** @type {{proposals: Proposal[]}} */
-  const { proposals } = await response.json();
+  const proposals = await fetchProposals(page);
   if (proposals.length === 0) {
     tools.say(tools.texts.none);
     return null;
@@ -45,6 +40,15 @@ export async function openProposals(page, tools, content) {
   return view;
 }
 
+/** @param {import('./page-context.js').PageContext} page @returns {Promise<Proposal[]>} */
+async function fetchProposals({ city }) {
+  const url = new URL(city.src, document.baseURI);
+  url.pathname = url.pathname.replace(/\/*$/, `/${FILE}`);
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`HTTP ${response.status}`);
+  return (await response.json()).proposals;
+}
+
 class ProposalView {
   #page;
   #tools;
@@ -52,6 +56,8 @@ class ProposalView {
   #models;
   #states;
   #swipe;
+  /** Of the city, whose objects the proposals number. */
+  #version;
   /** @type {Proposal} */ #shown;
   /** Whether the city is shown as it would be. */
   #isAfter = true;
@@ -62,6 +68,7 @@ class ProposalView {
   constructor(page, tools, proposals) {
     [this.#page, this.#tools, this.#proposals, this.#shown] = [page, tools, proposals, proposals[0]];
     const { city } = page;
+    this.#version = city.manifest?.version;
     this.#models = new AddedModels((op, values) => city.ask(op, values));
     this.#states = new ObjectStates((op, values) => city.steer(op, values));
     const { texts, choice, checkbox } = tools;
@@ -73,11 +80,7 @@ class ProposalView {
     const change = (value) => this.#show(value === 'after');
     this.#side = choice({ title: texts.side, choices: sides, value: 'after', isRow: true, change });
     this.#both = checkbox({ text: texts.swipe, checked: false, change: (isOn) => (isOn ? this.#startSwipe() : this.#show(true)) });
-    // An engine that begins again knows nothing of it.
-    city.addEventListener('ready', () => {
-      this.#models.sendAll();
-      this.#apply(this.#isAfter);
-    });
+    city.addEventListener('ready', () => this.#resume().catch(tools.fail));
   }
 
   /** The controls. */
@@ -114,6 +117,20 @@ class ProposalView {
     this.#apply(isAfter);
     const { texts, say } = this.#tools;
     say((isAfter ? texts.shown : texts.hidden)(printable(this.#shown.title)));
+  }
+
+  /** Shows the proposal in an engine that begins again, perhaps with a city that was replaced. */
+  async #resume() {
+    const { city } = this.#page;
+    if (city.manifest?.version !== this.#version) {
+      this.#version = city.manifest?.version;
+      this.#states.clear();
+      this.#proposals = await fetchProposals(this.#page);
+      const { name } = this.#shown;
+      this.#shown = this.#proposals.find((proposal) => proposal.name === name) ?? { ...this.#shown, hidden: [] };
+    }
+    this.#models.sendAll();
+    this.#apply(this.#isAfter);
   }
 
   #startSwipe() {
