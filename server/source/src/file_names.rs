@@ -2,6 +2,8 @@
 //! computer that packed them.
 
 use encoding_rs::{BIG5, EUC_JP, EUC_KR, Encoding, GBK, IBM866, SHIFT_JIS, WINDOWS_1250, WINDOWS_1251, WINDOWS_1252};
+use percent_encoding::percent_decode_str;
+use std::borrow::Cow;
 use unicode_normalization::UnicodeNormalization;
 
 /// Code pages of names. A name is guessed to be in one of the first.
@@ -15,6 +17,11 @@ const GUESSED: usize = 4;
 /// The same for names that differ in case or Unicode normal form only.
 pub fn key(name: &str) -> String {
     name.nfc().flat_map(char::to_lowercase).nfc().collect()
+}
+
+/// A text with each `%20` and the like replaced; unchanged if the result is no UTF-8. Anything that is no such code stays.
+pub fn percent_decoded(text: &str) -> String {
+    percent_decode_str(text).decode_utf8().map_or_else(|_| text.to_owned(), Cow::into_owned)
 }
 
 /// The name that bytes most likely mean; `None` if they may be of any western code page.
@@ -59,6 +66,13 @@ fn is_east_asian(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn decodes_percent_codes() {
+        assert_eq!(percent_decoded("%E6%A8%AA%"), "横%");
+        assert_eq!(percent_decoded("100%zz"), "100%zz");
+        assert_eq!(percent_decoded("%FF"), "%FF");
+    }
 
     #[test]
     fn names_that_differ_in_case_or_normal_form_have_one_key() {

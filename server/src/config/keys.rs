@@ -183,78 +183,74 @@ pub(super) enum RawValue {
     Other,
 }
 
+impl RawValue {
+    fn text(&self) -> Result<&str, String> {
+        match self {
+            Self::Text(text) | Self::Untyped(text) => Ok(text),
+            _ => Err("expected a text in quotes".into()),
+        }
+    }
+
+    fn number(&self) -> Result<&str, String> {
+        match self {
+            Self::Number(text) | Self::Untyped(text) => Ok(text),
+            _ => Err("expected a number without quotes".into()),
+        }
+    }
+
+    /// A list of `kind`. In a text of any type, `separator` is between its members.
+    fn list(&self, separator: char, kind: &str) -> Result<Vec<String>, String> {
+        match self {
+            Self::List(all) => Ok(all.clone()),
+            Self::Untyped(text) => {
+                Ok(text.split(separator).filter(|member| !member.is_empty()).map(str::to_owned).collect())
+            }
+            _ => Err(format!("expected a list of {kind}")),
+        }
+    }
+}
+
 /// Sets one key. Fails with what is wrong with the value, or if the key is unknown.
 pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Result<(), String> {
     let Some(field) = field(config, key) else {
         return Err(format!("there is no such key{}", suggestion(key)));
     };
-    match (field, value) {
-        (SettingField::Address(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            check_address(text)?;
-            *field = text.clone();
+    let given = || value.text().map(|text| Some(text).filter(|text| !text.is_empty()));
+    match field {
+        SettingField::Address(field) => {
+            check_address(value.text()?)?;
+            *field = value.text()?.to_owned();
         }
-        (SettingField::OptionalAddress(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            if !text.is_empty() {
-                check_address(text)?;
-            }
-            *field = (!text.is_empty()).then(|| text.clone());
+        SettingField::OptionalAddress(field) => {
+            given()?.map_or(Ok(()), check_address)?;
+            *field = given()?.map(str::to_owned);
         }
-        (SettingField::Url(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            *field = if text.is_empty() { None } else { Some(text.parse()?) };
+        SettingField::Url(field) => *field = given()?.map(str::parse::<PublicUrl>).transpose()?,
+        SettingField::File(field) => *field = given()?.map(PathBuf::from),
+        SettingField::Checked(field, check) => {
+            check(value.text()?)?;
+            *field = value.text()?.to_owned();
         }
-        (SettingField::File(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            *field = (!text.is_empty()).then(|| PathBuf::from(text));
-        }
-        (SettingField::Checked(field, check), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            check(text)?;
-            *field = text.clone();
-        }
-        (SettingField::Views(field), RawValue::List(views)) => *field = checked_views(views)?,
         // A camera has commas itself.
-        (SettingField::Views(field), RawValue::Untyped(text)) => {
-            let views: Vec<_> = text.split(';').filter(|view| !view.is_empty()).map(str::to_owned).collect();
-            *field = checked_views(&views)?;
+        SettingField::Views(field) => {
+            *field = checked_views(&value.list(';', "first views, such as [\"delft=X,Y,Z,A,P,F\"]")?)?;
         }
-        (SettingField::Names(field), RawValue::List(names)) => *field = checked_names(names)?,
-        (SettingField::Names(field), RawValue::Untyped(text)) => {
-            *field = checked_names(&split_list(text))?;
+        SettingField::Names(field) => *field = checked_names(&value.list(',', "names, such as [\"delft\"]")?)?,
+        SettingField::Hosts(field) => *field = checked_hosts(&value.list(',', "hosts, such as [\"localhost\"]")?)?,
+        SettingField::Networks(field) => {
+            *field = parse_networks(&value.list(',', "networks, such as [\"10.0.0.0/8\"]")?)?;
         }
-        (SettingField::Hosts(field), RawValue::List(hosts)) => *field = checked_hosts(hosts)?,
-        (SettingField::Hosts(field), RawValue::Untyped(text)) => *field = checked_hosts(&split_list(text))?,
-        (SettingField::Networks(field), RawValue::List(networks)) => *field = parse_networks(networks)?,
-        (SettingField::Networks(field), RawValue::Untyped(text)) => *field = parse_networks(&split_list(text))?,
-        (SettingField::Usize(field, range), RawValue::Number(text) | RawValue::Untyped(text)) => {
-            *field = parse_integer(text, &range)?
-        }
-        (SettingField::U64(field, range), RawValue::Number(text) | RawValue::Untyped(text)) => {
-            *field = parse_integer(text, &range)?
-        }
-        (SettingField::U32(field, range), RawValue::Number(text) | RawValue::Untyped(text)) => {
-            *field = parse_integer(text, &range)?
-        }
-        (SettingField::Rate(field), RawValue::Number(text) | RawValue::Untyped(text)) => {
+        SettingField::Usize(field, range) => *field = parse_integer(value.number()?, &range)?,
+        SettingField::U64(field, range) => *field = parse_integer(value.number()?, &range)?,
+        SettingField::U32(field, range) => *field = parse_integer(value.number()?, &range)?,
+        SettingField::Rate(field) => {
+            let text = value.number()?;
             let rate = text.parse().ok().filter(|rate| (0.0..=1e9).contains(rate));
             *field = rate.ok_or(format!("{text} is not a number from 0 to 1e9"))?;
         }
-        (SettingField::Format(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            *field = parse_choice(text, &FORMATS)?
-        }
-        (SettingField::Requests(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            *field = parse_choice(text, &REQUESTS)?
-        }
-        (SettingField::Cors(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
-            *field = parse_choice(text, &CORS)?
-        }
-        (SettingField::Usize(..) | SettingField::U64(..) | SettingField::U32(..) | SettingField::Rate(_), _) => {
-            return Err("expected a number without quotes".into());
-        }
-        (SettingField::Networks(_), _) => return Err("expected a list of networks, such as [\"10.0.0.0/8\"]".into()),
-        (SettingField::Hosts(_), _) => return Err("expected a list of hosts, such as [\"localhost\"]".into()),
-        (SettingField::Views(_), _) => {
-            return Err("expected a list of first views, such as [\"delft=X,Y,Z,A,P,F\"]".into());
-        }
-        (SettingField::Names(_), _) => return Err("expected a list of names, such as [\"delft\"]".into()),
-        _ => return Err("expected a text in quotes".into()),
+        SettingField::Format(field) => *field = parse_choice(value.text()?, &FORMATS)?,
+        SettingField::Requests(field) => *field = parse_choice(value.text()?, &REQUESTS)?,
+        SettingField::Cors(field) => *field = parse_choice(value.text()?, &CORS)?,
     }
     Ok(())
 }
@@ -283,10 +279,6 @@ pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
         Some(SettingField::Cors(cors)) => word(CORS.iter().find(|(_, c)| c == cors).map(|(word, _)| *word)),
         None => String::new(),
     }
-}
-
-fn split_list(text: &str) -> Vec<String> {
-    text.split(',').filter(|item| !item.is_empty()).map(str::to_owned).collect()
 }
 
 fn parse_networks(networks: &[String]) -> Result<Vec<Network>, String> {

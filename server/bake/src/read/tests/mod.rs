@@ -8,13 +8,9 @@ mod obj;
 
 use std::cell::RefCell;
 use std::fs;
-use std::io::Write;
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
 
 use super::*;
-use insula_source::testing::utf16;
+use insula_source::testing::{gzip, utf16};
 use insula_test_support::folder::TestFolder;
 
 /// One square roof at z = 3.
@@ -31,12 +27,6 @@ const OBJ: &str = "v 5 0 0\nv 6 0 0\nv 6 1 0\nf 1 2 3\n";
 
 fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     read_embedded(files, &ReadOptions::default(), &|_| {})
-}
-
-fn gz(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
 }
 
 /// A test folder with these files.
@@ -106,7 +96,7 @@ fn packed_and_plain_files_give_the_same_scene() {
     let seq = sequence();
     let plain: [(&str, &[u8]); 3] =
         [("a.json", city.as_bytes()), ("b.obj", OBJ.as_bytes()), ("c.jsonl", seq.as_bytes())];
-    let packed = plain.map(|(name, bytes)| (format!("{name}.gz"), gz(bytes)));
+    let packed = plain.map(|(name, bytes)| (format!("{name}.gz"), gzip(bytes)));
     let packed: Vec<(&str, &[u8])> = packed.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
     let ((plain, _), (packed, report)) = (embedded(&plain).unwrap(), embedded(&packed).unwrap());
     assert_eq!(plain.triangles, packed.triangles);
@@ -135,10 +125,10 @@ fn texts_of_windows_are_read_as_those_in_utf8() {
 
 #[test]
 fn truncated_or_oversized_packed_file_is_an_error() {
-    let packed = gz(OBJ.repeat(1000).as_bytes());
+    let packed = gzip(OBJ.repeat(1000).as_bytes());
     let error = embedded(&[("a.obj.gz", &packed[..packed.len() - 9])]).unwrap_err();
     assert!(error.to_string().starts_with("a.obj.gz: cannot be read"), "{error}");
-    let oversized = gz(&vec![b' '; 1 << 20]);
+    let oversized = gzip(&vec![b' '; 1 << 20]);
     let options = ReadOptions { max_source_bytes: 1 << 16, ..ReadOptions::default() };
     for name in ["a.json.gz", "a.obj.gz"] {
         let error = read_embedded(&[(name, &oversized)], &options, &|_| {}).unwrap_err();

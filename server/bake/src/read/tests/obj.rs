@@ -3,6 +3,7 @@
 use crate::read::texture::tests::png;
 use crate::read::{InputError, ObjUpAxis, Palette, PaletteMode, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
+use insula_source::testing::gzip;
 use insula_test_support::rng::Rng;
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
@@ -37,14 +38,8 @@ fn faces_have_colour_texture_and_texture_coordinates() {
 
 #[test]
 fn packed_file_finds_packed_libraries() {
-    use std::io::Write;
-    let gz = |bytes: &[u8]| {
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        encoder.write_all(bytes).unwrap();
-        encoder.finish().unwrap()
-    };
     let image = png(2, 2, [1, 2, 3]);
-    let (obj, mtl) = (gz(SQUARE.as_bytes()), gz(b"newmtl wall\nmap_Kd wall.png\n"));
+    let (obj, mtl) = (gzip(SQUARE.as_bytes()), gzip(b"newmtl wall\nmap_Kd wall.png\n"));
     let (scene, _) = read(&[("t/a.obj.gz", &obj), ("t/a.mtl.gz", &mtl), ("t/wall.png", &image)]);
     let material = &scene.materials[scene.triangles[0].material as usize];
     assert!(material.texture.is_some());

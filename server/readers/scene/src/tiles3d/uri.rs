@@ -1,10 +1,8 @@
 //! URIs of tiles, as names of files within the source.
 
-use std::borrow::Cow;
-
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD, STANDARD_NO_PAD};
-use percent_encoding::percent_decode_str;
+use insula_source::file_names::percent_decoded;
 
 /// The name of the file that `uri` means in a document of the folder `folder` (empty, or without a `/` at the end).
 ///
@@ -59,11 +57,6 @@ fn has_scheme(path: &str) -> bool {
     let Some((scheme, _)) = path.split_once(':') else { return false };
     scheme.starts_with(|c: char| c.is_ascii_alphabetic())
         && scheme.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.'))
-}
-
-/// The text with each `%20` and the like replaced; unchanged if the result is no UTF-8.
-fn percent_decoded(text: &str) -> String {
-    percent_decode_str(text).decode_utf8().map_or_else(|_| text.to_owned(), Cow::into_owned)
 }
 
 /// The bytes of a `data:` URI; `None` for other URIs. Fails if it is malformed.

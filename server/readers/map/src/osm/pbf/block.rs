@@ -235,20 +235,7 @@ impl BlockDecoder {
         wanted: &Wanted,
         visitor: &mut Visitor<'_, '_>,
     ) -> Result<(), BlockFault> {
-        let mut id = 0;
-        let [mut keys, mut values, mut refs, mut lats, mut lons] = [Packed::default(); 5];
-        fields(message, |number, value| {
-            match number {
-                1 => id = value.number()? as i64,
-                2 => keys = Packed(value.bytes()?),
-                3 => values = Packed(value.bytes()?),
-                8 => refs = Packed(value.bytes()?),
-                9 => lats = Packed(value.bytes()?),
-                10 => lons = Packed(value.bytes()?),
-                _ => {}
-            }
-            Ok(())
-        })?;
+        let (id, [keys, values, refs, lats, lons]) = lists_of(message)?;
         self.refs.clear();
         let mut node = 0_i64;
         for step in refs {
@@ -303,20 +290,7 @@ impl BlockDecoder {
         message: &[u8],
         visitor: &mut Visitor<'_, '_>,
     ) -> Result<(), BlockFault> {
-        let mut id = 0;
-        let [mut keys, mut values, mut roles, mut ids, mut types] = [Packed::default(); 5];
-        fields(message, |number, value| {
-            match number {
-                1 => id = value.number()? as i64,
-                2 => keys = Packed(value.bytes()?),
-                3 => values = Packed(value.bytes()?),
-                8 => roles = Packed(value.bytes()?),
-                9 => ids = Packed(value.bytes()?),
-                10 => types = Packed(value.bytes()?),
-                _ => {}
-            }
-            Ok(())
-        })?;
+        let (id, [keys, values, mut roles, ids, mut types]) = lists_of(message)?;
         self.spans.clear();
         if !block.read_tags(keys, values, &mut self.spans)? {
             visitor.problem("tag with a text that the block lacks", || format!("relation/{id}"));
@@ -339,6 +313,21 @@ impl BlockDecoder {
         }
         visitor.element(Element::Relation { id, members: &members, tags: block.tags(&self.spans) })
     }
+}
+
+/// The identifier of a way or a relation, its keys and values, and the three lists of its members.
+fn lists_of(message: &[u8]) -> Result<(i64, [Packed<'_>; 5]), WireFault> {
+    let (mut id, mut lists) = (0, [Packed::default(); 5]);
+    fields(message, |number, value| {
+        match number {
+            1 => id = value.number()? as i64,
+            2 | 3 => lists[number as usize - 2] = Packed(value.bytes()?),
+            8..=10 => lists[number as usize - 6] = Packed(value.bytes()?),
+            _ => {}
+        }
+        Ok(())
+    })?;
+    Ok((id, lists))
 }
 
 impl<'b> OpenBlock<'b> {

@@ -1,9 +1,10 @@
 //! Files that are damaged, or made to do harm.
 
-use super::map::{Map, blob, bytes, deltas, gzip, number, packed, pbf_file, read_bytes, zigzag, zlib_blob};
+use super::map::{Map, blob, bytes, deltas, number, packed, pbf_file, read_bytes, zigzag, zlib_blob};
 use crate::osm::classes::POINT_STRUCTURE;
 use crate::osm::relations::TOO_SHARED;
 use insula_source::error::InputError;
+use insula_source::testing::gzip;
 
 fn map() -> Map {
     let mut map = Map::default();

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use flate2::Compression;
-use flate2::write::{GzEncoder, ZlibEncoder};
+use flate2::write::ZlibEncoder;
 
 use crate::osm::collect::Limits;
 use crate::osm::read_within;
@@ -253,12 +253,6 @@ pub(super) fn blob(kind: &str, blob: &[u8]) -> Vec<u8> {
     file.extend(header);
     file.extend_from_slice(blob);
     file
-}
-
-pub(super) fn gzip(raw: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-    encoder.write_all(raw).unwrap();
-    encoder.finish().unwrap()
 }
 
 /// Reads the bytes of a file with a name.

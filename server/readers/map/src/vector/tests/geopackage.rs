@@ -200,11 +200,6 @@ fn damaged_databases_end_with_an_error() {
     assert!(run(read_geopackage, &[("a.gpkg", b"SQLite format 3")], None).0.is_err());
     assert!(run(read_geopackage, &[("a.gpkg", b"")], None).0.is_err());
     attack(read_geopackage, &[("a.gpkg", &bytes)], 509, bytes.len() / 4);
-    let zipped = {
-        use std::io::Write;
-        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        packer.write_all(&bytes).unwrap();
-        packer.finish().unwrap()
-    };
+    let zipped = insula_source::testing::gzip(&bytes);
     assert_eq!(read(read_geopackage, &[("a.gpkg.gz", &zipped)]).objects.len(), 200);
 }
