@@ -48,6 +48,8 @@ impl From<WireFault> for BlockFault {
     }
 }
 
+type Visited = Result<(), BlockFault>;
+
 /// Decodes blocks; keeps its memory from one to the next.
 #[derive(Default)]
 pub(super) struct BlockDecoder {
@@ -69,21 +71,21 @@ struct OpenBlock<'b> {
 pub(super) struct Visitor<'a, 'v> {
     pub(super) sink: &'a mut dyn ObjectSink,
     pub(super) visit: &'a mut Visit<'v>,
-    /// Whether faults of elements are reported.
-    pub(super) is_first: bool,
+    pub(super) wanted: &'a Wanted,
     pub(super) content: BlockContent,
     pub(super) is_ended: bool,
 }
 
 impl Visitor<'_, '_> {
-    fn element(&mut self, element: Element<'_>) -> Result<(), BlockFault> {
+    fn element(&mut self, element: Element<'_>) -> Visited {
         let flow = (self.visit)(element, self.sink).map_err(BlockFault::Visit)?;
         self.is_ended |= flow == ControlFlow::Break(());
         Ok(())
     }
 
     fn problem(&mut self, kind: &'static str, detail: impl FnOnce() -> String) {
-        if self.is_first {
+        // In the first pass.
+        if self.wanted.relations {
             self.sink.problem(kind, detail());
         }
     }
@@ -91,12 +93,7 @@ impl Visitor<'_, '_> {
 
 impl BlockDecoder {
     /// Visits the wanted elements of a block until the visitor ends. `bytes` are at most 4 GiB.
-    pub(super) fn decode(
-        &mut self,
-        bytes: &[u8],
-        wanted: &Wanted,
-        visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    pub(super) fn decode(&mut self, bytes: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         let mut groups = Vec::new();
         let mut block = OpenBlock { bytes, texts: Vec::new(), granularity: 100, lat_offset: 0, lon_offset: 0 };
         fields(bytes, |number, value| {
@@ -111,46 +108,34 @@ impl BlockDecoder {
             Ok(())
         })?;
         for group in groups {
-            self.decode_group(&block, group, wanted, visitor)?;
+            self.decode_group(&block, group, visitor)?;
         }
         Ok(())
     }
 
-    fn decode_group(
-        &mut self,
-        block: &OpenBlock<'_>,
-        mut group: &[u8],
-        wanted: &Wanted,
-        visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    fn decode_group(&mut self, block: &OpenBlock<'_>, mut group: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         while !group.is_empty() && !visitor.is_ended {
             // One field at a time: visiting can end between them.
             let (number, message, rest) = super::wire::first_field(group)?;
             group = rest;
             match number {
-                1 if wanted.nodes => self.decode_node(block, message.bytes()?, wanted, visitor)?,
-                2 if wanted.nodes => self.decode_dense(block, message.bytes()?, wanted, visitor)?,
+                1 if visitor.wanted.nodes => self.decode_node(block, message.bytes()?, visitor)?,
+                2 if visitor.wanted.nodes => self.decode_dense(block, message.bytes()?, visitor)?,
                 3 => {
                     let way = visitor.content.ways[1];
                     visitor.content.ways[1] += 1;
-                    if wanted.way_nodes || wanted.ways.contains(&way) {
-                        self.decode_way(block, message.bytes()?, way, wanted, visitor)?;
+                    if visitor.wanted.way_nodes || visitor.wanted.ways.contains(&way) {
+                        self.decode_way(block, message.bytes()?, way, visitor)?;
                     }
                 }
-                4 if wanted.relations => self.decode_relation(block, message.bytes()?, visitor)?,
+                4 if visitor.wanted.relations => self.decode_relation(block, message.bytes()?, visitor)?,
                 _ => {}
             }
         }
         Ok(())
     }
 
-    fn decode_node(
-        &mut self,
-        block: &OpenBlock<'_>,
-        message: &[u8],
-        wanted: &Wanted,
-        visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    fn decode_node(&mut self, block: &OpenBlock<'_>, message: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         let (mut id, mut lat, mut lon) = (0, 0, 0);
         let (mut keys, mut values) = (Packed::default(), Packed::default());
         fields(message, |number, value| {
@@ -165,7 +150,7 @@ impl BlockDecoder {
             Ok(())
         })?;
         self.spans.clear();
-        let is_whole = !wanted.node_tags || block.read_tags(keys, values, &mut self.spans)?;
+        let is_whole = !visitor.wanted.node_tags || block.read_tags(keys, values, &mut self.spans)?;
         if !is_whole {
             visitor.problem("tag with a text that the block lacks", || format!("node/{id}"));
         }
@@ -179,7 +164,7 @@ impl BlockDecoder {
         id: i64,
         [lon, lat]: [i64; 2],
         visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    ) -> Visited {
         let (first, last) = visitor.content.nodes.unwrap_or((id, id));
         visitor.content.nodes = Some((first.min(id), last.max(id)));
         match block.position(lon, lat) {
@@ -191,20 +176,14 @@ impl BlockDecoder {
         }
     }
 
-    fn decode_dense(
-        &mut self,
-        block: &OpenBlock<'_>,
-        message: &[u8],
-        wanted: &Wanted,
-        visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    fn decode_dense(&mut self, block: &OpenBlock<'_>, message: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         let [mut ids, mut lats, mut lons, mut tags] = [Packed::default(); 4];
         fields(message, |number, value| {
             match number {
                 1 => ids = Packed(value.bytes()?),
                 8 => lats = Packed(value.bytes()?),
                 9 => lons = Packed(value.bytes()?),
-                10 if wanted.node_tags => tags = Packed(value.bytes()?),
+                10 if visitor.wanted.node_tags => tags = Packed(value.bytes()?),
                 _ => {}
             }
             Ok(())
@@ -232,9 +211,8 @@ impl BlockDecoder {
         block: &OpenBlock<'_>,
         message: &[u8],
         way: u64,
-        wanted: &Wanted,
         visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    ) -> Visited {
         let (id, [keys, values, refs, lats, lons]) = lists_of(message)?;
         self.refs.clear();
         let mut node = 0_i64;
@@ -248,9 +226,9 @@ impl BlockDecoder {
         }
         if !lats.0.is_empty() {
             visitor.content.has_way_nodes = true;
-            self.place_nodes(block, [lons, lats], wanted, visitor)?;
+            self.place_nodes(block, [lons, lats], visitor)?;
         }
-        if wanted.way_nodes {
+        if visitor.wanted.way_nodes {
             return Ok(());
         }
         self.spans.clear();
@@ -265,9 +243,8 @@ impl BlockDecoder {
         &mut self,
         block: &OpenBlock<'_>,
         [lons, mut lats]: [Packed<'_>; 2],
-        wanted: &Wanted,
         visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    ) -> Visited {
         let (mut lat, mut lon) = (0_i64, 0_i64);
         for (node, step) in self.refs.iter_mut().zip(lons) {
             lon = lon.wrapping_add(zigzag(step?));
@@ -277,19 +254,14 @@ impl BlockDecoder {
                 continue;
             };
             *node = id_of_position(position);
-            if wanted.way_nodes {
+            if visitor.wanted.way_nodes {
                 visitor.element(Element::Node { id: *node, position, tags: Tags::default() })?;
             }
         }
         Ok(())
     }
 
-    fn decode_relation(
-        &mut self,
-        block: &OpenBlock<'_>,
-        message: &[u8],
-        visitor: &mut Visitor<'_, '_>,
-    ) -> Result<(), BlockFault> {
+    fn decode_relation(&mut self, block: &OpenBlock<'_>, message: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         let (id, [keys, values, mut roles, ids, mut types]) = lists_of(message)?;
         self.spans.clear();
         if !block.read_tags(keys, values, &mut self.spans)? {

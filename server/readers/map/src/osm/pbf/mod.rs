@@ -223,9 +223,9 @@ impl<'a> PbfFile<'a> {
         visit: &mut Visit<'_>,
     ) -> Result<(BlockContent, bool), InputError> {
         let content = BlockContent { ways: [first_way; 2], ..BlockContent::default() };
-        let mut visitor = Visitor { sink, visit, is_first: wanted.relations, content, is_ended: false };
+        let mut visitor = Visitor { sink, visit, wanted, content, is_ended: false };
         let unpacked = std::mem::take(&mut self.unpacked);
-        let decoded = self.decoder.decode(&unpacked, wanted, &mut visitor);
+        let decoded = self.decoder.decode(&unpacked, &mut visitor);
         self.unpacked = unpacked;
         match decoded {
             Ok(()) => Ok((visitor.content, visitor.is_ended)),
