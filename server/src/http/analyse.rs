@@ -36,7 +36,7 @@ pub(super) async fn analyse(
     let body = json_body(&headers, body).await?;
     let asked = AnalysisRequest::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
     let (read, runtime) = (Arc::clone(&city), Handle::current());
-    let limits = state.analyses();
+    let limits = &state.analyses;
     let (max_cells, threads) = (limits.cells, WorkThreads::new(limits.at_once, "analyse"));
     let work = move |stop: &StopFlag| {
         threads.install(|| {

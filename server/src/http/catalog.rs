@@ -11,8 +11,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Catalog {
     store: Store,
-    documents: Arc<CityDocuments>,
-    access: Arc<AccessControl>,
+    pub(super) documents: Arc<CityDocuments>,
+    pub(super) access: Arc<AccessControl>,
 }
 
 impl Catalog {
@@ -34,14 +34,6 @@ impl Catalog {
     /// The open cities.
     pub fn store(&self) -> &Store {
         &self.store
-    }
-
-    pub(super) fn documents(&self) -> &Arc<CityDocuments> {
-        &self.documents
-    }
-
-    pub(super) fn access(&self) -> &Arc<AccessControl> {
-        &self.access
     }
 
     /// What the request's share link opens in lists, if it has a valid one: not the present version of a city if it is for another one.

@@ -84,16 +84,16 @@ pub(super) fn respond_with_city(
         has_proposals: has_proposals(state, city, access),
         ..links(state, city, is_public, uri, headers)
     };
-    let (html, policy) = match state.viewer() {
-        Some(viewer) => (page::city_page(facts, &links, viewer.assets(), state.brand()), page::viewer_policy()),
+    let (html, policy) = match &state.viewer {
+        Some(viewer) => (page::city_page(facts, &links, viewer.assets(), &state.brand), page::viewer_policy()),
         None => {
-            let mut page = CityListPage::new(state.brand(), state.texts(headers), None, None);
+            let mut page = CityListPage::new(&state.brand, state.texts(headers), None, None);
             page.push_city(&CityInList { facts, page: None, links });
             page.push_paragraph(NO_VIEWER);
             (page.finish(), page::list_policy())
         }
     };
-    let vary = state.viewer().is_none().then_some(HeaderValue::from_static("accept-language"));
+    let vary = state.viewer.is_none().then_some(HeaderValue::from_static("accept-language"));
     respond(html, policy, is_public, vary, method, headers)
 }
 

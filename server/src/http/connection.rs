@@ -33,7 +33,7 @@ const PING_INTERVAL: Duration = Duration::from_secs(30);
 
 /// hyper's settings for all connections of a thread.
 pub(super) fn connection_builder(service: &HttpService) -> auto::Builder<StreamExecutor> {
-    let limits = service.state().limits();
+    let limits = &service.state().limits;
     let mut builder = auto::Builder::new(StreamExecutor);
     // The worker's reaper checks the header timeout: that is cheaper than a timer per request.
     builder.http1().header_read_timeout(None).max_buf_size(limits.header_bytes);

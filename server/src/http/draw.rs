@@ -58,8 +58,8 @@ pub(super) async fn draw(
     let options = DrawingOptions::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
     let format = options.format;
     let (shared, drawn, runtime) = (state.clone(), Arc::clone(&city), Handle::current());
-    let limits = DrawLimits::of_triangles(state.drawings().triangles);
-    let threads = WorkThreads::new(state.drawings().at_once, "draw");
+    let limits = DrawLimits::of_triangles(state.drawings.triangles);
+    let threads = WorkThreads::new(state.drawings.at_once, "draw");
     let work = move |stop: &StopFlag| {
         threads.install(|| {
             let reader = (&runtime, stop);
@@ -105,7 +105,7 @@ fn make_now(
     }
     let progress = |_: DrawStep, _: f64| !stop.is_stopped();
     let key = ComputedKey::Part(city.serial(), options.part_name().into());
-    let kept = runtime.block_on(state.computed().part(&key));
+    let kept = runtime.block_on(state.computed.part(&key));
     let is_kept = kept.is_some();
     let part = match kept {
         Some(part) => part,
@@ -114,9 +114,9 @@ fn make_now(
             Arc::new(DrawnPart::read(source, &request, &progress)?)
         }
     };
-    state.metrics().drawing_part(is_kept);
+    state.metrics.drawing_part(is_kept);
     let drawing = draw_part(source, &part, &request, &progress);
-    runtime.block_on(state.computed().keep_part(key, part));
+    runtime.block_on(state.computed.keep_part(key, part));
     let bytes = encode(&drawing?, options.format);
     if bytes.len() > MAX_DRAWING_BYTES {
         return Err(DrawError::TooManyParts { limit: limits.parts });

@@ -67,7 +67,7 @@ pub(super) async fn filter(
     let (filtered, runtime) = (city.clone(), Handle::current());
     let key = ComputedKey::Filtered(city.serial(), text.clone().into());
     let work = move |stop: &StopFlag| evaluate(&filtered, &text, &runtime, stop);
-    let made = state.computed().find_or_make(key, state.work(WorkKind::Filter), client, work).await;
+    let made = state.computed.find_or_make(key, state.work(WorkKind::Filter), client, work).await;
     let made = made.map_err(Shed::problem)?.map_err(|failure| problem(&state, &city, failure))?;
     let representation = made.immutable("application/octet-stream", access.is_public());
     Ok(representation.respond(&method, &headers).map(Body::from))

@@ -36,18 +36,18 @@ pub(super) async fn metrics(
     headers: HeaderMap,
 ) -> Response {
     let content_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    let computed_bytes = state.computed().bytes().await;
+    let computed_bytes = state.computed.bytes().await;
     let catalog = state.catalog();
-    let (store, access) = (catalog.store(), catalog.access());
+    let (store, access) = (catalog.store(), &catalog.access);
     let sees_all = operators.is_some() || access.has_token(Credentials::new(&headers, &uri));
     let is_counted = |name: &str| sees_all || access.is_public(name);
     let now = CurrentCounts {
-        in_flight: state.in_flight().requests(),
+        in_flight: state.in_flight.requests(),
         cities: store.cities().filter(|city| is_counted(&city.manifest().name)).count(),
         failed_cities: if sees_all || !access.is_restricted() { store.failures().count() } else { 0 },
         older_versions: store.older_versions(is_counted),
         computed_bytes,
     };
-    let text = state.metrics().to_open_metrics(now);
+    let text = state.metrics.to_open_metrics(now);
     ([NO_STORE, (header::CONTENT_TYPE, content_type)], text).into_response()
 }

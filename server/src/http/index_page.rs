@@ -38,7 +38,7 @@ pub(super) async fn index(
 fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<Response, Problem> {
     let request = page_request(uri.query().unwrap_or_default())?;
     let catalog = state.catalog();
-    let (access, credentials) = (catalog.access(), Credentials::new(headers, uri));
+    let (access, credentials) = (&catalog.access, Credentials::new(headers, uri));
     let has_token = access.has_token(credentials);
     let shared = catalog.shared(credentials).filter(|_| !has_token);
     let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
@@ -50,7 +50,7 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
     let is_public_page = !has_token && shared.is_none();
     let mut cities = catalog.store().cities_from(start).filter(is_visible).peekable();
     // A browser cannot send a token with the requests of the viewer.
-    if state.viewer().is_some() && request.after.is_none() && !has_token {
+    if state.viewer.is_some() && request.after.is_none() && !has_token {
         let mut first = catalog.store().cities().filter(is_visible);
         if let (Some(city), None) = (first.next(), first.next()) {
             let name = &city.manifest().name;
@@ -58,10 +58,10 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
             return Ok(respond_with_city(state, city, access.unwrap_or(CityAccess::Public), method, uri, headers));
         }
     }
-    let icon = state.viewer().map(|viewer| viewer.assets().folder("") + "icon.svg");
+    let icon = state.viewer.as_ref().map(|viewer| viewer.assets().folder("") + "icon.svg");
     let texts = state.texts(headers);
-    let mut page = CityListPage::new(state.brand(), texts, icon.as_deref(), None);
-    if state.viewer().is_none() {
+    let mut page = CityListPage::new(&state.brand, texts, icon.as_deref(), None);
+    if state.viewer.is_none() {
         page.push_paragraph(NO_VIEWER);
     }
     if cities.peek().is_none() {
@@ -72,7 +72,7 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
         let name = &city.manifest().name;
         let links = links(state, city, !is_shared(name), uri, headers);
         let query = if is_shared(name) { share_query(uri) } else { None }.unwrap_or_default();
-        let city_page = state.viewer().map(|_| relative("", &route::city_page(name)) + &query);
+        let city_page = state.viewer.as_ref().map(|_| relative("", &route::city_page(name)) + &query);
         page.push_city(&CityInList { facts: facts(city), page: city_page, links });
         shown += 1;
         if cities.peek().is_some() && (shown == request.limit.get() || page.is_full()) {

@@ -31,9 +31,9 @@ pub(super) async fn list_cities(
 ) -> Result<Response, Problem> {
     let request = page_request(uri.query().unwrap_or_default())?;
     let catalog = state.catalog_now();
-    let documents = catalog.documents();
+    let documents = &catalog.documents;
     let credentials = Credentials::new(&headers, &uri);
-    let has_token = catalog.access().has_token(credentials);
+    let has_token = catalog.access.has_token(credentials);
     let shared = catalog.shared(credentials).filter(|_| !has_token);
     let made;
     let page = if request == PageRequest::default() && shared.is_none() {
@@ -42,7 +42,7 @@ pub(super) async fn list_cities(
         let (catalog, after) = (Arc::clone(&catalog), request.after.map(str::to_owned));
         let work = move |_: &StopFlag| {
             let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
-            let is_listed = |name: &str| has_token || catalog.access().is_public(name) || is_shared(name);
+            let is_listed = |name: &str| has_token || catalog.access.is_public(name) || is_shared(name);
             let is_public = !has_token && shared.is_none();
             let request = PageRequest { after: after.as_deref(), limit: request.limit };
             ListPage::uncompressed(catalog.store(), request, &is_listed, is_public)
@@ -52,7 +52,7 @@ pub(super) async fn list_cities(
     };
     let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);
     if let Some(last) = &page.last {
-        let prefix = state.public_url().map_or("", |url| url.prefix());
+        let prefix = state.public_url.as_ref().map_or("", |url| url.prefix());
         let link = format!("<{prefix}{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
         response.headers_mut().extend(HeaderValue::try_from(link).map(|link| (header::LINK, link)));
     }
@@ -62,7 +62,7 @@ pub(super) async fn list_cities(
 /// `/v1/openapi.json`
 pub(super) async fn openapi(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
     let catalog = state.catalog();
-    catalog.documents().openapi.select(&headers).clone().respond(&method, &headers).map(Body::from)
+    catalog.documents.openapi.select(&headers).clone().respond(&method, &headers).map(Body::from)
 }
 
 /// `/v1/cities/{city}`; for a browser that opens a share link, a page. Fails with 401 without a required token, 404 for an unknown city.
@@ -81,14 +81,14 @@ pub(super) async fn manifest(
     let city = catalog.store().city(name);
     let version = city.map(|city| city.manifest().version.as_str());
     let request = AccessRequest { route: RouteTemplate::Manifest, city: name, version };
-    let access = catalog.access().authorize(Credentials::new(&headers, &uri), request)?;
+    let access = catalog.access.authorize(Credentials::new(&headers, &uri), request)?;
     let not_found = Problem::not_found("there is no such city");
     if let (CityAccess::Link(_), Some(city)) = (access, city)
         && accepts(&headers, "text/html") > 0.0
     {
         return Ok(respond_with_city(&state, city, access, &method, &uri, &headers));
     }
-    let document = catalog.documents().city(name).ok_or(not_found)?;
+    let document = catalog.documents.city(name).ok_or(not_found)?;
     let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));
     Ok(bincode.unwrap_or(&document.json).select(&headers).clone().respond(&method, &headers).map(Body::from))
 }

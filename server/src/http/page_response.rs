@@ -29,17 +29,17 @@ pub(super) fn respond(
 /// What precedes all paths of this server for its users: the configured address, else scheme and host of the request. `None` for a host
 /// that has not the form of one.
 pub(super) fn known_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Option<String> {
-    if let Some(url) = state.public_url() {
+    if let Some(url) = &state.public_url {
         return Some(url.base().to_owned());
     }
     let host = request_host(uri, headers)?;
     let is_allowed = |b: u8| b.is_ascii_alphanumeric() || b".:-[]_".contains(&b);
-    (!host.is_empty() && host.bytes().all(is_allowed)).then(|| format!("{}://{host}", state.scheme()))
+    (!host.is_empty() && host.bytes().all(is_allowed)).then(|| format!("{}://{host}", state.scheme))
 }
 
 /// As [`known_origin`], with a placeholder.
 pub(super) fn displayed_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> String {
-    known_origin(state, uri, headers).unwrap_or_else(|| format!("{}://HOST", state.scheme()))
+    known_origin(state, uri, headers).unwrap_or_else(|| format!("{}://HOST", state.scheme))
 }
 
 /// The address of the server's root relative to that of the request, so that pages work below any path of a proxy: empty, or with a slash

@@ -150,7 +150,7 @@ impl ReloadTask {
             None => NO_RESPONSE.to_owned(),
         };
         tracing::error!(error = fault, "cannot use the new certificate: the old one stays in use");
-        self.state.metrics().reloaded("failed");
+        self.state.metrics.reloaded("failed");
     }
 
     /// Replaces tokens and keys. What their files do not list any more is gone, even if the files cannot be read, or not in
@@ -163,7 +163,7 @@ impl ReloadTask {
         if faults != self.known_access_faults {
             for fault in &faults {
                 tracing::error!(fault, "part of the tokens and keys cannot be used: what is not listed opens nothing");
-                self.state.metrics().reloaded("failed");
+                self.state.metrics.reloaded("failed");
             }
             self.known_access_faults = faults;
         }
@@ -174,7 +174,7 @@ impl ReloadTask {
         if !self.is_reported && self.checks.running_for().is_some_and(|time| time > SLOW_CHECK) {
             self.is_reported = true;
             tracing::error!("a check of the cities takes very long: the versions that are served stay");
-            self.state.metrics().reloaded("failed");
+            self.state.metrics.reloaded("failed");
         }
         if !self.checks.can_start() {
             self.is_requested_again |= is_requested;
@@ -195,12 +195,12 @@ impl ReloadTask {
     fn finish_check(&mut self, result: Option<CityCheckResult>) {
         let Some(CityCheckResult { is_requested, found, documents }) = result else {
             tracing::error!("a check of the cities failed: the versions that are served stay");
-            self.state.metrics().reloaded("failed");
+            self.state.metrics.reloaded("failed");
             return;
         };
         self.report(&found);
         if is_requested || found.must_replace() {
-            let documents = documents.unwrap_or_else(|| self.state.catalog().documents().clone());
+            let documents = documents.unwrap_or_else(|| self.state.catalog().documents.clone());
             self.state.replace_cities(found.store, documents);
         }
     }
@@ -209,7 +209,7 @@ impl ReloadTask {
         for name in &found.changed {
             let version = found.store.city(name).map(|city| city.manifest().version.as_str());
             tracing::info!(city = name, version = version.unwrap_or("removed"), "city replaced");
-            self.state.metrics().reloaded("replaced");
+            self.state.metrics.reloaded("replaced");
         }
         let failures: BTreeSet<String> = found.store.failures().cloned().collect();
         report_failures(&self.state, failures.difference(&self.known_failures));
@@ -221,7 +221,7 @@ impl ReloadTask {
 pub(super) fn report_failures<'a>(state: &AppState, failures: impl IntoIterator<Item = &'a String>) {
     for failure in failures {
         tracing::error!(failure, "cannot open a city: an open version stays in use, and each check tries again");
-        state.metrics().reloaded("failed");
+        state.metrics.reloaded("failed");
     }
 }
 
@@ -234,7 +234,7 @@ async fn check_cities(state: AppState, retention: RetentionPolicy, include_remot
     }
     let store = found.store.clone();
     // Which cities are private is configured, and does not change with tokens and keys.
-    let encode = move || CityDocuments::new(&store, catalog.access(), Some(catalog.documents()));
+    let encode = move || CityDocuments::new(&store, &catalog.access, Some(&catalog.documents));
     let documents = spawn_blocking(encode).await.ok().map(Arc::new);
     CityCheckResult { is_requested: false, found, documents }
 }

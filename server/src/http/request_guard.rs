@@ -66,7 +66,7 @@ impl RequestGuard {
 
     /// Adds the request to the budgets in flight, of all clients and of this one. `false`: one of them is exhausted.
     pub(super) fn try_enter(&mut self) -> bool {
-        let all = self.state.in_flight();
+        let all = &self.state.in_flight;
         let entered = all.try_enter();
         if entered && !self.client_budget().is_none_or(InFlightBudget::try_enter) {
             all.release(0);
@@ -79,7 +79,7 @@ impl RequestGuard {
     /// Reserves bytes of the response, if the request is part of the budgets. `false`: one of them is exhausted.
     pub(super) fn try_reserve(&mut self, bytes: usize) -> bool {
         let Some(reserved_bytes) = self.reserved_bytes else { return true };
-        let all = self.state.in_flight();
+        let all = &self.state.in_flight;
         if !all.try_reserve(bytes) {
             return false;
         }
@@ -116,7 +116,7 @@ impl RequestGuard {
 impl Drop for RequestGuard {
     fn drop(&mut self) {
         if let Some(bytes) = self.reserved_bytes {
-            self.state.in_flight().release(bytes);
+            self.state.in_flight.release(bytes);
             if let Some(client) = self.client_budget() {
                 client.release(bytes);
             }
@@ -128,7 +128,7 @@ impl Drop for RequestGuard {
             }
         }
         let elapsed = self.started.elapsed();
-        self.state.metrics().request_ended(self.route, self.code, self.sent_bytes, elapsed);
+        self.state.metrics.request_ended(self.route, self.code, self.sent_bytes, elapsed);
         if let Some(entry) = &self.log_entry {
             let id = entry.id.to_str().unwrap_or_default();
             let (code, bytes, micros) = (self.code, self.sent_bytes, elapsed.as_micros() as u64);

@@ -198,14 +198,14 @@ mod tests {
                 if body.is_end_stream() {
                     break;
                 }
-                assert_eq!(state.in_flight().requests(), 1);
+                assert_eq!(state.in_flight.requests(), 1);
             }
             assert_eq!(taken, (20 << 20) - 5);
             drop(body);
-            assert_eq!(state.in_flight().requests(), 1, "the last piece is not sent");
-            assert!(!state.in_flight().try_reserve(1));
+            assert_eq!(state.in_flight.requests(), 1, "the last piece is not sent");
+            assert!(!state.in_flight.try_reserve(1));
             drop(last);
-            assert_eq!(state.in_flight().requests(), 0);
+            assert_eq!(state.in_flight.requests(), 0);
         }
     }
 }

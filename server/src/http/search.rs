@@ -60,7 +60,7 @@ pub(super) async fn search(
     if !city.has_search() || !access.admits_computed(RouteTemplate::Search) {
         return Err(NO_INDEX);
     }
-    let (searched, computed, runtime) = (city.clone(), state.computed().clone(), Handle::current());
+    let (searched, computed, runtime) = (city.clone(), state.computed.clone(), Handle::current());
     let work = move |_: &StopFlag| {
         let index = match runtime.block_on(computed.index(searched.serial())) {
             Some(index) => index,

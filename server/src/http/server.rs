@@ -154,7 +154,7 @@ impl HttpServer {
                         break;
                     }
                 }
-                Ok(None) => state.metrics().connection_refused(),
+                Ok(None) => state.metrics.connection_refused(),
                 Err(error) => {
                     if state.admits_message(MessageKind::FailedAccept) {
                         tracing::warn!(%error, "cannot accept a connection");
@@ -185,11 +185,11 @@ struct ConnectionAcceptor {
 
 impl ConnectionAcceptor {
     fn new(listener: TcpListener, state: AppState) -> Self {
-        let connections = state.limits().connections;
+        let connections = state.limits.connections;
         let over_limit = (connections / OVER_LIMIT_FRACTION).max(2);
         Self {
             listener,
-            clients: Arc::new(ClientTable::new(state.limits(), over_limit)),
+            clients: Arc::new(ClientTable::new(&state.limits, over_limit)),
             served: Arc::new(Semaphore::new(connections)),
             over_limit: Arc::new(Semaphore::new(over_limit)),
             reserved: Arc::new(Semaphore::new(RESERVED_CONNECTIONS)),

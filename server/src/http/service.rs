@@ -93,14 +93,14 @@ impl Future for ResponseFuture {
 impl HttpService {
     /// A service of all routes with one tile cache of the configured size.
     pub fn new(state: AppState) -> Self {
-        let max_bytes = state.limits().tile_bytes;
+        let max_bytes = state.limits.tile_bytes;
         Self::with_routes(state, ServedRoutes::All, max_bytes)
     }
 
     fn with_routes(state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
         let shared = ThreadState {
             app: state.clone(),
-            tiles: Arc::new(TileCache::new(tile_cache_bytes, state.metrics().cached_tiles())),
+            tiles: Arc::new(TileCache::new(tile_cache_bytes, state.metrics.cached_tiles())),
         };
         let mut router = router(shared.clone());
         if served == ServedRoutes::Operational {
@@ -111,7 +111,7 @@ impl HttpService {
 
     /// The same without `/metrics`.
     pub(super) fn without_metrics(&self) -> Self {
-        Self::with_routes(self.0.state.clone(), ServedRoutes::WithoutMetrics, self.state().limits().tile_bytes)
+        Self::with_routes(self.0.state.clone(), ServedRoutes::WithoutMetrics, self.state().limits.tile_bytes)
     }
 
     /// A service of health and metrics only, for operators.
@@ -126,7 +126,7 @@ impl HttpService {
 
     /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
-        let tile_cache_bytes = self.state().limits().tile_bytes / threads.max(1);
+        let tile_cache_bytes = self.state().limits.tile_bytes / threads.max(1);
         Self::with_routes(self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
@@ -138,7 +138,7 @@ impl HttpService {
         body: impl FnOnce() -> Body,
     ) -> ResponseFuture {
         let mut route = RouteTemplate::of_path(parts.uri.path());
-        if let (RouteTemplate::Other, Some(url)) = (route, self.state().public_url())
+        if let (RouteTemplate::Other, Some(url)) = (route, &self.state().public_url)
             && let Some(uri) = without_prefix(&parts.uri, url.prefix())
         {
             // A proxy may leave its path in the address.
@@ -155,12 +155,12 @@ impl HttpService {
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
-            allows_any_origin: self.state().allows_any_origin() && !route.is_operational(),
+            allows_any_origin: self.state().allows_any_origin && !route.is_operational(),
             // What follows an unread body cannot be parsed as a request.
             must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
         let client = connection.and_then(|connection| connection.ip());
-        let client = client.map(|ip| client_address(ip, self.state().proxies(), &parts.headers));
+        let client = client.map(|ip| client_address(ip, &self.state().proxies, &parts.headers));
         if let Err(problem) = self.admit(connection, client, route, &parts) {
             return pending.ready(Err(problem));
         }
@@ -197,15 +197,15 @@ impl HttpService {
         if connection.is_some_and(|connection| connection.is_over_limit()) && !route.is_operational() {
             return Err(Problem::unavailable("too many connections: retry in a second"));
         }
-        if parts.headers.len() > self.state().limits().headers {
+        if parts.headers.len() > self.state().limits.headers {
             return Err(Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request has too many headers"));
         }
         if has_body(&parts.headers) && !(parts.method == Method::POST && self.state().takes_body(route)) {
             return Err(Problem::bad_request("requests must not have a body"));
         }
-        check_host(connection, parts, self.state().hosts())?;
+        check_host(connection, parts, &self.state().hosts)?;
         match client {
-            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip)?,
+            Some(ip) if !route.is_operational() => self.state().rate_limiter.admit(ip)?,
             _ => {}
         }
         if self.0.served.includes(route) { Ok(()) } else { Err(NO_ROUTE) }

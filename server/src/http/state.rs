@@ -25,6 +25,7 @@ use arc_swap::{ArcSwap, Guard};
 use axum::http::{HeaderMap, HeaderValue, header};
 use insula_protocol::route::RouteTemplate;
 use std::{
+    ops::Deref,
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
@@ -36,27 +37,38 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct AppState(Arc<SharedState>);
 
+/// What one server keeps.
 #[derive(Debug)]
-struct SharedState {
+pub struct SharedState {
     catalog: ArcSwap<Catalog>,
-    viewer: Option<ViewerContent>,
+    /// The browser viewer; `None` if the program was built without it.
+    pub(super) viewer: Option<ViewerContent>,
     languages: Languages,
-    brand: Brand,
-    public_url: Option<PublicUrl>,
-    metrics: HttpMetrics,
-    rate_limiter: RateLimiter,
-    in_flight: InFlightBudget,
-    limits: LimitsConfig,
-    drawings: DrawingsConfig,
-    analyses: AnalysesConfig,
+    /// What the office has set of its pages.
+    pub(super) brand: Brand,
+    /// The address at which people reach the server, if it was configured.
+    pub(super) public_url: Option<PublicUrl>,
+    pub(super) metrics: HttpMetrics,
+    pub(super) rate_limiter: RateLimiter,
+    pub(super) in_flight: InFlightBudget,
+    pub(super) limits: LimitsConfig,
+    /// The limits of drawings.
+    pub(super) drawings: DrawingsConfig,
+    /// The limits of analyses.
+    pub(super) analyses: AnalysesConfig,
     queues: WorkQueues,
-    computed: ComputedCache,
-    proxies: Vec<Network>,
+    /// Search indexes and made files.
+    pub(super) computed: ComputedCache,
+    /// Proxies whose word for the address of a client counts.
+    pub(super) proxies: Vec<Network>,
     logged_requests: LogRequests,
     log_limits: [LogLimit; 3],
-    scheme: &'static str,
-    allows_any_origin: bool,
-    hosts: Vec<String>,
+    /// `https` or `http`.
+    pub(super) scheme: &'static str,
+    /// Whether pages of any origin may read responses.
+    pub(super) allows_any_origin: bool,
+    /// The hosts that requests may name; empty for any.
+    pub(super) hosts: Vec<String>,
     is_draining: AtomicBool,
     /// First part of request ids. Differs between starts, so that the ids of two servers differ.
     start_id: u32,
@@ -78,6 +90,14 @@ impl MessageKind {
             Self::TileFailure => "tile",
             Self::FailedAccept => "accept",
         }
+    }
+}
+
+impl Deref for AppState {
+    type Target = SharedState;
+
+    fn deref(&self) -> &SharedState {
+        &self.0
     }
 }
 
@@ -138,7 +158,7 @@ impl AppState {
     /// Replaces tokens and keys for new requests, if they differ from the current ones.
     pub(super) fn replace_access(&self, access: AccessControl) {
         let catalog = self.0.catalog.load_full();
-        if **catalog.access() != access {
+        if *catalog.access != access {
             self.0.catalog.store(Arc::new(catalog.with_access(access)));
         }
     }
@@ -163,56 +183,15 @@ impl AppState {
         self.0.catalog.load_full()
     }
 
-    /// The browser viewer; `None` if the program was built without it.
-    pub(super) fn viewer(&self) -> Option<&ViewerContent> {
-        self.0.viewer.as_ref()
-    }
-
     /// The texts of pages in the best language for a request.
     pub(super) fn texts(&self, headers: &HeaderMap) -> &SiteTexts {
         let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
         self.0.languages.best(accepted.unwrap_or_default())
     }
 
-    /// What the office has set of its pages.
-    pub(super) fn brand(&self) -> &Brand {
-        &self.0.brand
-    }
-
-    /// The address at which people reach the server, if it was configured.
-    pub(super) fn public_url(&self) -> Option<&PublicUrl> {
-        self.0.public_url.as_ref()
-    }
-
-    pub(super) fn metrics(&self) -> &HttpMetrics {
-        &self.0.metrics
-    }
-
-    pub(super) fn rate_limiter(&self) -> &RateLimiter {
-        &self.0.rate_limiter
-    }
-
-    pub(super) fn in_flight(&self) -> &InFlightBudget {
-        &self.0.in_flight
-    }
-
-    pub(super) fn limits(&self) -> &LimitsConfig {
-        &self.0.limits
-    }
-
     /// The queue of a kind of work.
     pub(super) fn work(&self, kind: WorkKind) -> &FairQueue {
         self.0.queues.of(kind)
-    }
-
-    /// Search indexes and made files.
-    pub(super) fn computed(&self) -> &ComputedCache {
-        &self.0.computed
-    }
-
-    /// Proxies whose word for the address of a client counts.
-    pub(super) fn proxies(&self) -> &[Network] {
-        &self.0.proxies
     }
 
     /// Makes all computing routes give up their work.
@@ -221,18 +200,6 @@ impl AppState {
         let Self(state) = Self::new(store, config);
         let state = Arc::into_inner(state).map(|state| SharedState { queues: WorkQueues::closed(), ..state });
         Self(Arc::new(state.unwrap()))
-    }
-
-    /// The limits of drawings.
-    #[cfg(feature = "bake")]
-    pub(super) fn drawings(&self) -> &DrawingsConfig {
-        &self.0.drawings
-    }
-
-    /// The limits of analyses.
-    #[cfg(feature = "bake")]
-    pub(super) fn analyses(&self) -> &AnalysesConfig {
-        &self.0.analyses
     }
 
     /// Whether requests for such addresses have a body: drawings and analyses, if they are made for clients.
@@ -261,21 +228,6 @@ impl AppState {
             self.0.metrics.log_suppressed(kind.label());
         }
         admitted
-    }
-
-    /// `https` or `http`.
-    pub(super) fn scheme(&self) -> &'static str {
-        self.0.scheme
-    }
-
-    /// Whether pages of any origin may read responses.
-    pub(super) fn allows_any_origin(&self) -> bool {
-        self.0.allows_any_origin
-    }
-
-    /// The hosts that requests may name; empty for any.
-    pub(super) fn hosts(&self) -> &[String] {
-        &self.0.hosts
     }
 
     /// A new request id: 24 hexadecimal digits.

@@ -135,12 +135,12 @@ impl RequestedTile {
         let representation = Representation::immutable(body, etag, "application/octet-stream", is_public);
         let whole = representation.clone().respond(&Method::GET, &HeaderMap::new());
         let headers = whole.into_parts().0.headers;
-        CachedTile { headers: if state.allows_any_origin() { with_cors(headers) } else { headers }, representation }
+        CachedTile { headers: if state.allows_any_origin { with_cors(headers) } else { headers }, representation }
     }
 
     /// Logs and counts the failure. The client learns only whether a retry may help.
     fn report_failure(&self, state: &AppState, error: &ReadError) -> Problem {
-        state.metrics().read_failed(error);
+        state.metrics.read_failed(error);
         let (place, kind, id) = (self.city.location(), self.key.kind.path_segment(), self.key.id);
         if state.admits_message(MessageKind::TileFailure) {
             tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
@@ -164,7 +164,7 @@ pub(super) fn find_city(
     let city = catalog.store().city(name);
     let version = city.map(|city| city.manifest().version.as_str());
     let request = AccessRequest { route, city: name, version };
-    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+    let access = catalog.access.authorize(Credentials::new(headers, uri), request)?;
     let city = city.ok_or(Problem::not_found("there is no such city"))?;
     Ok((Arc::clone(city), access))
 }
@@ -182,7 +182,7 @@ pub(super) fn find_version(
     let found = catalog.store().version(city, version);
     let is_known = found.is_some() || catalog.store().city(city).is_some();
     let request = AccessRequest { route, city, version: is_known.then_some(version) };
-    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+    let access = catalog.access.authorize(Credentials::new(headers, uri), request)?;
     match found {
         Some(city) => Ok((Arc::clone(city), access)),
         None if !is_known => Err(Problem::not_found("there is no such city")),
@@ -194,7 +194,7 @@ pub(super) fn find_version(
 pub(super) fn unknown_name(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Problem {
     let (route, city) = (RouteTemplate::of_path(uri.path()), uri.path().split('/').nth(3).unwrap_or_default());
     let request = AccessRequest { route, city, version: None };
-    let denied = state.catalog().access().authorize(Credentials::new(headers, uri), request).err();
+    let denied = state.catalog().access.authorize(Credentials::new(headers, uri), request).err();
     denied.unwrap_or(Problem::not_found("there is no such city or version"))
 }
 

@@ -53,7 +53,7 @@ pub(super) async fn tileset_file(
     let (read, runtime) = (Arc::clone(&city), Handle::current());
     let work = move |_: &StopFlag| make_now(&read, file, &runtime);
     let key = ComputedKey::File(city.serial(), file);
-    let made = state.computed().find_or_make(key, state.work(WorkKind::Tileset), client, work).await;
+    let made = state.computed.find_or_make(key, state.work(WorkKind::Tileset), client, work).await;
     let made = made.map_err(Shed::problem)?.map_err(|error| problem(&state, &city, error))?;
     let made = with_share_link(made, file, &access, &uri);
     let is_public = access.is_public();

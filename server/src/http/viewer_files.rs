@@ -23,7 +23,7 @@ pub(super) async fn asset(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Ok(Route::Asset { hash, file }) = Route::parse(uri.path()) else { return Err(NO_FILE) };
-    let content = state.viewer().and_then(|viewer| viewer.file(hash, file)).ok_or(NO_FILE)?;
+    let content = state.viewer.as_ref().and_then(|viewer| viewer.file(hash, file)).ok_or(NO_FILE)?;
     Ok(content.select(&headers).clone().respond(&method, &headers).map(Body::from))
 }
 
@@ -33,7 +33,7 @@ pub(super) async fn service_worker(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let content = state.viewer().and_then(|viewer| viewer.service_worker()).ok_or(NO_FILE)?;
+    let content = state.viewer.as_ref().and_then(|viewer| viewer.service_worker()).ok_or(NO_FILE)?;
     let mut response = content.select(&headers).clone().respond(&method, &headers).map(Body::from);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, WORKER_POLICY);
     Ok(response)

@@ -170,7 +170,7 @@ impl WorkerState {
             self.clock_ms.store(start.elapsed().as_millis() as u64 + 1, Relaxed);
             for (_, connection) in self.lock().iter() {
                 let reset = connection.state.reset_stalled_streams();
-                self.service.state().metrics().streams_reset(reset);
+                self.service.state().metrics.streams_reset(reset);
                 if connection.state.has_timed_out() {
                     connection.task.abort();
                 }
@@ -183,7 +183,7 @@ impl WorkerState {
         let (usage, clock_ms) = (client.usage().clone(), self.clock_ms.clone());
         let state = ConnectionState::new(Some(ip), Some(usage), over_limit, clock_ms, self.timeouts);
         let state = Arc::new(state);
-        self.service.state().metrics().connection_opened(over_limit);
+        self.service.state().metrics.connection_opened(over_limit);
         let (worker, builder) = (self.clone(), builder.clone());
         let mut connections = self.lock();
         let entry = connections.vacant_entry();
@@ -230,6 +230,6 @@ impl Drop for ConnectionGuard {
     fn drop(&mut self) {
         self.worker.lock().try_remove(self.key);
         self.worker.open.fetch_sub(1, Relaxed);
-        self.worker.service.state().metrics().connection_closed(self.state.timeout_kind());
+        self.worker.service.state().metrics.connection_closed(self.state.timeout_kind());
     }
 }

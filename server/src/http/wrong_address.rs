@@ -32,7 +32,7 @@ pub(super) fn respond(state: &AppState, problem: Problem, uri: &Uri, headers: &H
     if accepts(headers, "text/html") <= 0.0 {
         return problem.into_response();
     }
-    let prefix = state.public_url().map(|url| url.prefix());
+    let prefix = state.public_url.as_ref().map(|url| url.prefix());
     // Whether that page exists, and may be seen, only its own response says.
     match meant_path(uri.path(), prefix.unwrap_or_default()) {
         Some(path) => redirect(uri, &path, prefix),
@@ -83,7 +83,7 @@ fn explain(state: &AppState, problem: &Problem, uri: &Uri, headers: &HeaderMap) 
         _ => (&texts.not_found, &texts.not_found_hint),
     };
     let root = relative_root(uri);
-    let mut page = CityListPage::new(state.brand(), texts, None, None);
+    let mut page = CityListPage::new(&state.brand, texts, None, None);
     page.push_paragraph(&format!("<strong>{}</strong>", escape_html(title)));
     page.push_paragraph(&escape_html(hint));
     page.push_paragraph(&format!("<a href=\"{}\">{}</a>", relative(&root, "/"), escape_html(&texts.cities)));
