@@ -3,59 +3,42 @@
 use crate::config::{DEFAULT_LISTEN, check_address};
 use insula_archive::city::MANIFEST_FILE;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
-use std::path::Path;
+use std::{path::Path, str::FromStr};
 
 /// Longitude and latitude in degrees, height in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GeoPlace(pub [f64; 3]);
 
+fn parse_number<T: FromStr>(text: &str, is_allowed: impl FnOnce(&T) -> bool, expected: &str) -> Result<T, String> {
+    text.parse().ok().filter(is_allowed).ok_or_else(|| format!("expected {expected}"))
+}
+
 pub(super) fn parse_ratio(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(ratio) if ratio > 0.0 && ratio <= 1.0 => Ok(ratio),
-        _ => Err("expected a number above 0 and at most 1, such as 0.1".into()),
-    }
+    parse_number(text, |ratio: &f64| *ratio > 0.0 && *ratio <= 1.0, "a number above 0 and at most 1, such as 0.1")
 }
 
 pub(super) fn parse_samples(text: &str) -> Result<usize, String> {
-    match text.parse::<usize>() {
-        Ok(samples) if (1..=10_000_000).contains(&samples) => Ok(samples),
-        _ => Err("expected a number between 1 and 10000000, such as 200000".into()),
-    }
+    parse_number(text, |samples| (1..=10_000_000).contains(samples), "a number between 1 and 10000000, such as 200000")
 }
 
 pub(super) fn parse_max_error(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(error) if error >= 0.0 && error.is_finite() => Ok(error),
-        _ => Err("expected a length of at least 0, such as 0.5".into()),
-    }
+    parse_number(text, |error: &f64| *error >= 0.0 && error.is_finite(), "a length of at least 0, such as 0.5")
 }
 
 pub(super) fn parse_cell(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(cell_m) if (0.01..=1000.0).contains(&cell_m) => Ok(cell_m),
-        _ => Err("expected metres between 0.01 and 1000, such as 0.5".into()),
-    }
+    parse_number(text, |cell_m| (0.01..=1000.0).contains(cell_m), "metres between 0.01 and 1000, such as 0.5")
 }
 
 pub(super) fn parse_metres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(metres) if (0.0..=1e6).contains(&metres) => Ok(metres),
-        _ => Err("expected metres between 0 and 1000000, such as 500".into()),
-    }
+    parse_number(text, |metres| (0.0..=1e6).contains(metres), "metres between 0 and 1000000, such as 500")
 }
 
 pub(super) fn parse_positive_metres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(metres) if (0.01..=1000.0).contains(&metres) => Ok(metres),
-        _ => Err("expected metres between 0.01 and 1000, such as 0.25".into()),
-    }
+    parse_number(text, |metres| (0.01..=1000.0).contains(metres), "metres between 0.01 and 1000, such as 0.25")
 }
 
 pub(super) fn parse_kilometres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(kilometres) if (0.1..=500.0).contains(&kilometres) => Ok(kilometres),
-        _ => Err("expected kilometres between 0.1 and 500, such as 30".into()),
-    }
+    parse_number(text, |kilometres| (0.1..=500.0).contains(kilometres), "kilometres between 0.1 and 500, such as 30")
 }
 
 pub(super) fn parse_crs(text: &str) -> Result<String, String> {

@@ -191,7 +191,6 @@ fn heatmap(mut model: TriangleModel, other: &Surface) -> TriangleModel {
 mod tests {
     use super::*;
     use insula_bake::BakeOptions;
-    use insula_command_line::output::OverwriteArgs;
 
     #[test]
     fn meshes_cities_and_heat_maps_are_compared_and_written() {
@@ -200,16 +199,12 @@ mod tests {
         let off = |z: f64| format!("OFF\n4 2 0\n0 0 {z}\n10 0 {z}\n10 10 {z}\n0 10 {z}\n3 0 1 2\n3 0 2 3\n");
         std::fs::write(path("a.off"), off(0.0)).unwrap();
         std::fs::write(path("b.off"), off(2.0)).unwrap();
-        let heatmap = Some(path("heat.ply"));
-        run(&CompareArgs {
-            a: path("a.off"),
-            b: path("b.off"),
-            samples: 100,
-            heatmap,
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        })
-        .unwrap();
+        let compare = |a: &str, b: &str, samples: usize, heatmap: Option<&str>| {
+            let ([a, b], heatmap) = ([a, b].map(path), heatmap.map(path));
+            let (json, overwrite) = Default::default();
+            run(&CompareArgs { a, b, samples, heatmap, json, overwrite })
+        };
+        compare("a.off", "b.off", 100, Some("heat.ply")).unwrap();
         let heat = read_model(&path("heat.ply")).unwrap();
         assert!(heat.layers[0].values.iter().all(|c| (c[0] - 0.85).abs() < 0.01 && c[2] < 0.11), "{:?}", heat.layers);
         std::fs::write(path("far.off"), off(2e6)).unwrap();
@@ -224,31 +219,12 @@ mod tests {
         };
         geojson("utm.geojson", "EPSG:25832", [691_000.0, 5_334_000.0]);
         geojson("gk.geojson", "EPSG:31468", [4_468_000.0, 5_334_000.0]);
-        let compare = |a: &str, b: &str| {
-            let [a, b] = [a, b].map(path);
-            run(&CompareArgs {
-                a,
-                b,
-                samples: 10,
-                heatmap: None,
-                json: Default::default(),
-                overwrite: OverwriteArgs::default(),
-            })
-        };
-        let error = compare("a.off", "far.off").unwrap_err().to_string();
+        let error = compare("a.off", "far.off", 10, None).unwrap_err().to_string();
         assert!(error.contains("far.off") && error.contains("2000000 away"), "{error}");
         let models = load_both(&path("utm.geojson"), &path("gk.geojson")).unwrap();
         let [a, b] = [models.0, models.1].map(|model| model.positions[0]);
         assert!((a[0] - b[0]).abs() < 1000.0 && (a[1] - b[1]).abs() < 5000.0, "{a:?} {b:?}");
-        let other = CompareArgs {
-            a: path("none"),
-            b: path("b.off"),
-            samples: 100,
-            heatmap: None,
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        };
-        assert!(run(&other).is_err());
+        assert!(compare("none", "b.off", 100, None).is_err());
     }
 
     #[test]

@@ -196,49 +196,39 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_command_line::output::OverwriteArgs;
 
     /// A pyramid with four different sides.
     const OFF: &str =
         "OFF\n5 6 0\n0 0 0\n10 0 0\n10 8 0\n0 8 0\n4 3 7\n4 3 2 1 0\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\n";
+
+    fn pack(folder: &Path, input: &str, output: &str, bits: u8) -> Result<(), CommandError> {
+        let [input, output] = [input, output].map(|name| folder.join(name));
+        let (json, overwrite) = Default::default();
+        compress(&CompressArgs { input, output, bits, texcoord_bits: 12, json, overwrite })
+    }
+
+    fn unpack(folder: &Path, input: &str, output: &str) -> Result<(), CommandError> {
+        let [input, output] = [input, output].map(|name| folder.join(name));
+        let (json, overwrite) = Default::default();
+        decompress(&DecompressArgs { input, output, json, overwrite })
+    }
 
     #[test]
     fn mesh_survives_compress_decompress_and_simplify() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::write(path("a.off"), OFF).unwrap();
-        compress(&CompressArgs {
-            input: path("a.off"),
-            output: path("a.insm"),
-            bits: 14,
-            texcoord_bits: 12,
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        })
-        .unwrap();
+        pack(folder.path(), "a.off", "a.insm", 14).unwrap();
         for name in ["b.ply", "b.obj", "b.off", "b.stl"] {
-            decompress(&DecompressArgs {
-                input: path("a.insm"),
-                output: path(name),
-                json: Default::default(),
-                overwrite: OverwriteArgs::default(),
-            })
-            .unwrap();
+            unpack(folder.path(), "a.insm", name).unwrap();
             let read = read_model(&path(name)).unwrap();
             assert_eq!((read.positions.len(), read.triangles.len()), (5, 6));
             let top = read.positions.iter().map(|p| p[2]).fold(0.0, f64::max);
             assert!((top - 7.0).abs() < 0.001, "{name}: {top}");
         }
-        let args = SimplifyArgs {
-            input: path("b.ply"),
-            output: path("c.obj"),
-            triangles: Some(4),
-            ratio: None,
-            error: None,
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        };
-        simplify(&args).unwrap();
+        let (input, output) = (path("b.ply"), path("c.obj"));
+        let (ratio, error, json, overwrite) = Default::default();
+        simplify(&SimplifyArgs { input, output, triangles: Some(4), ratio, error, json, overwrite }).unwrap();
         assert_eq!(read_model(&path("c.obj")).unwrap().triangles.len(), 4);
     }
 
@@ -247,46 +237,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::write(path("a.off"), OFF).unwrap();
-        let to = |input: &str, output: &str| {
-            let args = CompressArgs {
-                input: path(input),
-                output: path(output),
-                bits: 12,
-                texcoord_bits: 12,
-                json: Default::default(),
-                overwrite: OverwriteArgs::default(),
-            };
-            compress(&args).unwrap_err().to_string()
-        };
+        let to = |input: &str, output: &str| pack(folder.path(), input, output, 12).unwrap_err().to_string();
         assert!(to("none.off", "x").contains("none.off"));
         assert!(to("a.dae", "x").contains(".ply, .off, .obj or .stl"));
         std::fs::write(path("bad.off"), "OFF\n3 1 0\n0 0 zero\n").unwrap();
         assert!(to("bad.off", "x").contains("line 3"));
-        let args = CompressArgs {
-            input: path("a.off"),
-            output: path("a.insm"),
-            bits: 12,
-            texcoord_bits: 12,
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        };
-        compress(&args).unwrap();
+        pack(folder.path(), "a.off", "a.insm", 12).unwrap();
         let mut file = std::fs::read(path("a.insm")).unwrap();
         file[9] ^= 1;
         std::fs::write(path("a.insm"), file).unwrap();
-        let args = DecompressArgs {
-            input: path("a.insm"),
-            output: path("b.off"),
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        };
-        assert!(decompress(&args).unwrap_err().to_string().contains("checksum"));
-        let args = DecompressArgs {
-            input: path("a.off"),
-            output: path("b.off"),
-            json: Default::default(),
-            overwrite: OverwriteArgs::default(),
-        };
-        assert!(decompress(&args).unwrap_err().to_string().contains("compress"));
+        let from = |input: &str| unpack(folder.path(), input, "b.off").unwrap_err().to_string();
+        assert!(from("a.insm").contains("checksum"));
+        assert!(from("a.off").contains("compress"));
     }
 }

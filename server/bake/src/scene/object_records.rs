@@ -46,36 +46,17 @@ struct StoredRecord {
 }
 
 #[derive(Serialize, Deserialize)]
-enum StoredValue {
+struct StoredValue(#[serde(with = "StoredVariants")] Value);
+
+/// The variants of a value, which by itself is serialised as in JSON.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Value")]
+enum StoredVariants {
     Text(String),
     Integer(i64),
     Float(f64),
     Bool(bool),
     Date(i32),
-}
-
-impl From<StoredValue> for Value {
-    fn from(value: StoredValue) -> Self {
-        match value {
-            StoredValue::Text(text) => Self::Text(text),
-            StoredValue::Integer(value) => Self::Integer(value),
-            StoredValue::Float(value) => Self::Float(value),
-            StoredValue::Bool(value) => Self::Bool(value),
-            StoredValue::Date(day) => Self::Date(day),
-        }
-    }
-}
-
-impl From<Value> for StoredValue {
-    fn from(value: Value) -> Self {
-        match value {
-            Value::Text(text) => Self::Text(text),
-            Value::Integer(value) => Self::Integer(value),
-            Value::Float(value) => Self::Float(value),
-            Value::Bool(value) => Self::Bool(value),
-            Value::Date(day) => Self::Date(day),
-        }
-    }
 }
 
 /// Records in the order in which they were added.
@@ -165,7 +146,7 @@ impl RecordFile {
     fn push(&mut self, record: SourceRecord) -> RecordPlace {
         let place = RecordPlace(self.start + self.end);
         let SourceRecord { identifier, kind, attributes } = record;
-        let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
+        let attributes = attributes.into_iter().map(|(name, value)| (name, StoredValue(value))).collect();
         let mut stored = StoredRecord { identifier, kind, attributes };
         let bytes = bincode::to_bytes(&stored).or_else(|_| {
             stored.attributes.clear();
@@ -235,7 +216,7 @@ fn read_at(file: &mut File, path: &Path, position: u64) -> Result<SourceRecord, 
     let mut bytes = vec![0; length];
     file.read_exact(&mut bytes).map_err(failed)?;
     let StoredRecord { identifier, kind, attributes } = bincode::from_bytes(&bytes).map_err(|_| damaged())?;
-    let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
+    let attributes = attributes.into_iter().map(|(name, StoredValue(value))| (name, value)).collect();
     Ok(SourceRecord { identifier, kind, attributes })
 }
 
