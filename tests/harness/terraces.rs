@@ -11,7 +11,7 @@ use glam::DVec3;
 use insula_protocol::{
     BlockMap, TileId,
     blockmap::COLUMNS,
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    mesh::{Attribute, Mesh, PositionGrid},
 };
 use insula_shaders::{
     cpu::raycast::Pixels,
@@ -198,14 +198,7 @@ impl Builder {
             let relative = |p: Point| std::array::from_fn(|axis| p[axis] - corner[axis]);
             let positions = triangles.iter().flatten().map(|p| relative(*p)).collect();
             let corners = are_hidden.iter().flat_map(|hidden| [u32::from(*hidden); 3]).collect();
-            let attributes = vec![Attribute {
-                kind: AttributeKind::Colour,
-                components: 3,
-                bits: 8,
-                range: [0.0, 1.0],
-                values: vec![[0, 0, 255, 0], [255, 0, 0, 0]],
-                corners,
-            }];
+            let attributes = vec![Attribute::colours([[0, 0, 255], [255, 0, 0]], corners)];
             let grid = PositionGrid { min: [0.0; 3], step: 1.0 / f64::from(STEPS), bits: 13 };
             let triangles = (0..triangles.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
             let mesh = Mesh { grid, positions, triangles, attributes };

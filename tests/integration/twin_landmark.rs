@@ -71,14 +71,7 @@ fn sphere() -> Mesh {
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .filter(|[a, b, c]| a != b && b != c && c != a)
         .collect();
-    let colour = Attribute {
-        kind: AttributeKind::Colour,
-        components: 3,
-        bits: 8,
-        range: [0.0, 1.0 / 255.0],
-        values: vec![[180, 90, 60, 0]],
-        corners: vec![0; 3 * triangles.len()],
-    };
+    let colour = Attribute::colours([[180, 90, 60]], vec![0; 3 * triangles.len()]);
     let share = |p: &[u32; 3]| [(f64::from(p[2]) * grid.step * 4.0).clamp(4.0, 31.0) as u32, 0, 0, 0];
     let occlusion = Attribute {
         kind: AttributeKind::Other,

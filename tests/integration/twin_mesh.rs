@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{COLUMNS, MapColumn},
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    mesh::{Attribute, Mesh, PositionGrid},
     octahedral,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
@@ -193,15 +193,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
     for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {
         let leaf = leaf.context("a leaf")?;
         let side_m = area.root_side_m / f64::from(1u32 << leaf.level());
-        let values = vec![[255, 255, 255, 0]];
-        let attributes = vec![Attribute {
-            kind: AttributeKind::Colour,
-            components: 3,
-            bits: 8,
-            range: [0.0, 1.0],
-            values,
-            corners: vec![0; 6],
-        }];
+        let attributes = vec![Attribute::colours([[255; 3]], vec![0; 6])];
         let grid = PositionGrid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
         let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
         let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };

@@ -1,7 +1,7 @@
 //! What is added to a city without a bake: meshes that stay resident and are drawn at every distance.
 
 use glam::DVec3;
-use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
 use insula_shaders::mesh::{MAX_TRIANGLES, PackError, PackedMesh};
 
 /// Most meshes that are added: each ray tests the boxes of all.
@@ -11,7 +11,7 @@ pub const FIRST_ADDED: u32 = 0xffff_0000;
 /// Bits of a coordinate: millimetres for a building.
 const GRID_BITS: u8 = 16;
 /// Plaster, in 8-bit sRGB.
-const PLASTER_RGB: [u32; 3] = [228, 219, 205];
+const PLASTER_RGB: [u8; 3] = [228, 219, 205];
 
 /// An object that is added.
 #[derive(Debug, Clone)]
@@ -90,20 +90,11 @@ fn mesh_of(triangles: &[[[f64; 3]; 3]], corner: DVec3) -> Mesh {
     let places: Vec<[f64; 3]> =
         triangles.iter().flatten().map(|place| (DVec3::from(*place) - corner).to_array()).collect();
     let grid = PositionGrid::enclosing(&places, GRID_BITS);
-    let [r, g, b] = PLASTER_RGB;
-    let colour = Attribute {
-        kind: AttributeKind::Colour,
-        components: 3,
-        bits: 8,
-        range: [0.0, 1.0 / 255.0],
-        values: vec![[r, g, b, 0]],
-        corners: vec![0; places.len()],
-    };
     Mesh {
         grid,
         positions: places.iter().map(|place| grid.nearest(*place)).collect(),
         triangles: (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
-        attributes: vec![colour],
+        attributes: vec![Attribute::colours([PLASTER_RGB], vec![0; places.len()])],
     }
 }
 

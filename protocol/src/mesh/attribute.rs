@@ -31,3 +31,11 @@ pub struct Attribute {
     /// For each corner `3 t + k`, an index into `values`.
     pub corners: Vec<u32>,
 }
+
+impl Attribute {
+    /// Colours in 8-bit sRGB, and the number of one for each corner.
+    pub fn colours(rgb: impl IntoIterator<Item = [u8; 3]>, corners: Vec<u32>) -> Self {
+        let values = rgb.into_iter().map(|[r, g, b]| [r.into(), g.into(), b.into(), 0]).collect();
+        Self { kind: AttributeKind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
+    }
+}

@@ -27,14 +27,7 @@ pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTe
             corners: uv_corners.collect(),
         }
     } else {
-        Attribute {
-            kind: AttributeKind::Colour,
-            components: 3,
-            bits: 8,
-            range: [0.0, 1.0 / 255.0],
-            values: vec![[u32::from(rgb[0]), u32::from(rgb[1]), u32::from(rgb[2]), 0]],
-            corners: vec![0; 36],
-        }
+        Attribute::colours([rgb], vec![0; 36])
     };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![attribute] };
     MeshTile { mesh, texture, objects: Vec::new(), landmarks: Vec::new() }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use insula_protocol::{
     BlockMap, Texel,
     blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows},
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    mesh::{Attribute, Mesh, PositionGrid},
 };
 use std::collections::HashMap;
 
@@ -51,20 +51,12 @@ fn id(x: u32) -> TileKey {
 
 /// A mesh that takes `pages` pages.
 fn mesh(pages: u32) -> PackedTile {
-    let colour = Attribute {
-        kind: AttributeKind::Colour,
-        components: 3,
-        bits: 8,
-        range: [0.0, 1.0],
-        values: vec![[1, 2, 3, 0]],
-        corners: vec![0; 3],
-    };
     let grid = PositionGrid { min: [0.0; 3], step: 1.0, bits: 8 };
     let triangle = Mesh {
         grid,
         positions: vec![[0; 3], [9, 0, 0], [0, 9, 0]],
         triangles: vec![[0, 1, 2]],
-        attributes: vec![colour],
+        attributes: vec![Attribute::colours([[1, 2, 3]], vec![0; 3])],
     };
     let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None, &[], &[]).unwrap() else { panic!() };
     packed.pages.resize(pages as usize, vec![0; PAGE_WORDS].into());

@@ -2,7 +2,7 @@
 
 use super::viewer::{CityViewer, to_js};
 use glam::DVec3;
-use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
 use insula_viewer::additions::{AdditionError, MAX_ADDED_MESHES, PackedAddition};
 use wasm_bindgen::prelude::*;
 
@@ -65,19 +65,11 @@ fn mesh_of(origin: DVec3, positions: &[f32], colours: &[u8], triangles: &[u32]) 
     let corner = places.iter().copied().reduce(DVec3::min).unwrap_or_default().floor();
     let places: Vec<[f64; 3]> = places.iter().map(|place| (*place - corner).to_array()).collect();
     let grid = PositionGrid::enclosing(&places, GRID_BITS);
-    let colour = Attribute {
-        kind: AttributeKind::Colour,
-        components: 3,
-        bits: 8,
-        range: [0.0, 1.0 / 255.0],
-        values: colours.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r.into(), g.into(), b.into(), 0]).collect(),
-        corners: triangles.to_vec(),
-    };
     let mesh = Mesh {
         grid,
         positions: places.iter().map(|place| grid.nearest(*place)).collect(),
         triangles: triangles.as_chunks::<3>().0.to_vec(),
-        attributes: vec![colour],
+        attributes: vec![Attribute::colours(colours.as_chunks::<3>().0.iter().copied(), triangles.to_vec())],
     };
     (mesh, corner)
 }
