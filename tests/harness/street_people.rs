@@ -101,10 +101,6 @@ impl TileFetcher for SimulatedFetcher<'_> {
         Some(FetchOutcome { key, ticket, is_local: false, duration: due - since, result })
     }
 
-    fn is_local(&self, _: TileKey) -> bool {
-        false
-    }
-
     fn jitter(&mut self) -> f64 {
         0.5
     }

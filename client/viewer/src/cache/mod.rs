@@ -9,7 +9,7 @@
 mod additions;
 mod pages;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use crate::{
     objects::ObjectStyles,

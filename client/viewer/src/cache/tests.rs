@@ -10,6 +10,15 @@ use insula_protocol::{
 };
 use std::collections::HashMap;
 
+/// Keeps nothing.
+pub(crate) struct NoAtlas;
+
+impl Upload for NoAtlas {
+    fn write_page(&mut self, _: u32, _: &[u32]) {}
+    fn write_words(&mut self, _: u32, _: &[u32]) {}
+    fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
+}
+
 /// Stores what is written to the atlas.
 #[derive(Default)]
 struct FakeAtlas {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    cache::{PackedTile, Upload},
+    cache::{PackedTile, tests::NoAtlas},
     scene::TileKey,
     solids::MeshSolids,
 };
@@ -14,16 +14,7 @@ use insula_protocol::{
     mesh_tile::cuboid,
     octahedral,
 };
-use insula_shaders::layout::SUMMARY_WORDS;
 use insula_test_support::small_city::empty_manifest;
-
-struct NoAtlas;
-
-impl Upload for NoAtlas {
-    fn write_page(&mut self, _: u32, _: &[u32]) {}
-    fn write_words(&mut self, _: u32, _: &[u32]) {}
-    fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
-}
 
 /// A city of four leaves of 64 m, 100 m above zero, with its ground plane at 100 m.
 fn city() -> Manifest {

@@ -54,7 +54,9 @@ pub trait TileFetcher {
     /// The next finished request, if any. Never blocks.
     fn poll(&mut self) -> Option<FetchOutcome>;
     /// Whether a tile can be had without the network.
-    fn is_local(&self, key: TileKey) -> bool;
+    fn is_local(&self, _key: TileKey) -> bool {
+        false
+    }
     /// A random number in 0..1, which spreads retries.
     fn jitter(&mut self) -> f64;
 }
@@ -282,10 +284,6 @@ mod tests {
                 duration: Duration::ZERO,
                 result: Err(FetchError::Broken),
             })
-        }
-
-        fn is_local(&self, _: TileKey) -> bool {
-            false
         }
 
         fn jitter(&mut self) -> f64 {

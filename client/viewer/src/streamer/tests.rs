@@ -32,10 +32,6 @@ impl TileFetcher for Unresponsive {
         Some(FetchOutcome { key, ticket, is_local: false, duration: Duration::ZERO, result })
     }
 
-    fn is_local(&self, _: TileKey) -> bool {
-        false
-    }
-
     fn jitter(&mut self) -> f64 {
         0.5
     }

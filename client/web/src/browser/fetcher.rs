@@ -99,10 +99,6 @@ impl TileFetcher for BrowserFetcher {
         Some(outcome)
     }
 
-    fn is_local(&self, _key: TileKey) -> bool {
-        false
-    }
-
     fn jitter(&mut self) -> f64 {
         js_sys::Math::random()
     }

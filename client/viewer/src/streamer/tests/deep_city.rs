@@ -1,13 +1,17 @@
 //! A city of 20 levels, full everywhere: more nodes than any memory holds.
 
 use super::super::*;
-use crate::{cache::PackedTile, camera::Camera, decode::DecodedTile, scene::MAX_SUBTREE_BYTES};
+use crate::{
+    cache::{PackedTile, tests::NoAtlas},
+    camera::Camera,
+    decode::DecodedTile,
+    scene::MAX_SUBTREE_BYTES,
+};
 use glam::DVec3;
 use insula_protocol::{
     BlockMap, Texel, TileId,
     blockmap::{COLUMNS, MapColumn},
 };
-use insula_shaders::layout::SUMMARY_WORDS;
 use insula_test_support::small_city::{empty_manifest, full_subtree};
 use std::collections::{HashSet, VecDeque};
 
@@ -49,21 +53,9 @@ impl TileFetcher for DeepCityFetcher {
         Some(FetchOutcome { key, ticket, is_local: false, duration: Duration::ZERO, result: Ok(tile) })
     }
 
-    fn is_local(&self, _: TileKey) -> bool {
-        false
-    }
-
     fn jitter(&mut self) -> f64 {
         0.5
     }
-}
-
-struct NoAtlas;
-
-impl Upload for NoAtlas {
-    fn write_page(&mut self, _: u32, _: &[u32]) {}
-    fn write_words(&mut self, _: u32, _: &[u32]) {}
-    fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
 }
 
 struct DeepCityTour {
