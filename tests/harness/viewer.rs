@@ -52,7 +52,8 @@ pub fn fetch_all(session: &mut Session, request: &FrameRequest, timeout: Duratio
     }
 }
 
-fn global(cache_mib: u32) -> GlobalArgs {
+/// The options of commands, to draw with the CPU.
+pub fn global(cache_mib: u32) -> GlobalArgs {
     GlobalArgs {
         adapter: AdapterChoice::Cpu,
         no_meshes: false,

@@ -2,14 +2,13 @@
 //! drawings of a server beside those of the command.
 
 use anyhow::{Context, Result, ensure};
-use insula_test_support::programs::{ServerProcess, program, run};
+use insula_test_support::programs::{ServerProcess, call, program};
 use insula_tests::{tests, trials::Trials};
 use serde_json::json;
 use std::{
     fs,
     io::{Read, Write},
     net::{SocketAddr, TcpStream},
-    path::Path,
     process::Command,
 };
 
@@ -46,14 +45,6 @@ fn city(types: [&str; 3]) -> String {
         "CityObjects": objects, "vertices": vertices
     })
     .to_string()
-}
-
-fn call(folder: &Path, name: &str, arguments: &str) -> Result<()> {
-    let mut command = Command::new(program(name)?);
-    command.current_dir(folder).args(arguments.split_whitespace()).env_remove("RUST_LOG");
-    let output = run(&mut command)?;
-    ensure!(output.status.success(), "{name} {arguments}: {}", String::from_utf8_lossy(&output.stderr));
-    Ok(())
 }
 
 /// A filled shape of a drawing: its colour, its opacity, and its rings in micrometres.

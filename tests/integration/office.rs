@@ -2,7 +2,7 @@
 //! that is the place, areas in degrees, and plans in metres of the city.
 
 use anyhow::{Context, Result, ensure};
-use insula_test_support::programs::{ServerProcess, program, run};
+use insula_test_support::programs::{ServerProcess, call, program, run};
 use insula_tests::{tests, trials::Trials};
 use serde_json::{Value, json};
 use std::{
@@ -77,16 +77,6 @@ fn town() -> String {
         json!(vertices),
         objects.join(",")
     )
-}
-
-/// Runs a program in a folder. Returns its standard output. Fails if it does.
-fn call(folder: &Path, name: &str, arguments: &str) -> Result<String> {
-    let mut command = Command::new(program(name)?);
-    command.current_dir(folder).args(arguments.split_whitespace()).env_remove("RUST_LOG");
-    let output = run(&mut command)?;
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    ensure!(output.status.success(), "{name} {arguments}: {errors}");
-    Ok(String::from_utf8(output.stdout)?)
 }
 
 /// A row of a table, by the names of its columns.

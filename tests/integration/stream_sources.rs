@@ -23,7 +23,7 @@ use insula_tests::{
     synth::{City, Viewpoint},
     tests,
     trials::Trials,
-    viewer::{fetch_all, open},
+    viewer::{fetch_all, global, open},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
 use std::{
@@ -76,16 +76,7 @@ fn settle_within(session: &mut Session, timeout: Duration) -> Result<Pixels> {
 }
 
 fn options(timeout: Duration) -> GlobalArgs {
-    GlobalArgs {
-        adapter: AdapterChoice::Cpu,
-        no_meshes: false,
-        cache_mib: 256,
-        disk_cache_mib: None,
-        city: None,
-        tau: 1.0,
-        timeout: timeout.as_secs() as u32,
-        follow_redirects: false,
-    }
+    GlobalArgs { timeout: timeout.as_secs() as u32, ..global(256) }
 }
 
 fn open_hosted(host: &FaultyHost) -> Result<Session> {

@@ -46,6 +46,17 @@ pub fn run(command: &mut Command) -> Result<Output> {
     }
 }
 
+/// What a program of the workspace prints on standard output, run in a folder with the words of a line. Fails with its errors if it fails.
+pub fn call(folder: &Path, name: &str, line: &str) -> Result<String> {
+    let mut command = Command::new(program(name)?);
+    command.current_dir(folder).args(line.split_whitespace()).env_remove("RUST_LOG");
+    let output = run(&mut command)?;
+    if !output.status.success() {
+        bail!("{name} {line}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    Ok(String::from_utf8(output.stdout)?)
+}
+
 /// `insula-server serve` as a process; killed when dropped.
 #[derive(Debug)]
 pub struct ServerProcess {
