@@ -121,7 +121,6 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         is_bare: args.bare,
         title: args.title.clone(),
         style: style(args, &source)?,
-        is_checked: false,
         is_sheet: args.sheet,
         date: args.time.map(|time| time.to_string()).unwrap_or_default(),
         note: String::new(),
@@ -140,9 +139,8 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
 }
 
 fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
-    let counts = &drawing.counts;
-    if counts.without_mesh > 0 {
-        let nodes = count(counts.without_mesh, "node");
+    if drawing.without_mesh > 0 {
+        let nodes = count(drawing.without_mesh, "node");
         eprintln!("note: {nodes} of the city without a mesh: drawn from columns");
     }
     if DrawingFormat::of(&args.out).is_ok_and(|format| format == DrawingFormat::Pdf) {

@@ -69,7 +69,6 @@ pub(crate) struct BspTree {
     first_cut: u32,
     /// Of each cut, the node whose plane made it.
     cuts: Vec<u32>,
-    divisions: usize,
 }
 
 #[derive(Debug)]
@@ -91,14 +90,15 @@ struct NodeDivision {
 impl BspTree {
     /// The tree of a scene, undivided. The cuts get names from `first_cut` on.
     pub(crate) fn new(scene: &[Face], first_cut: u32) -> Self {
-        let mut tree = Self { nodes: Vec::new(), parts: Vec::new(), first_cut, cuts: Vec::new(), divisions: 0 };
+        let mut tree = Self { nodes: Vec::new(), parts: Vec::new(), first_cut, cuts: Vec::new() };
         tree.add_node(scene, (0..scene.len() as u32).collect());
         tree
     }
 
     /// Number of sets that were divided.
+    #[cfg(test)]
     pub(crate) fn divisions(&self) -> usize {
-        self.divisions
+        self.nodes.iter().filter(|node| node.division.is_some()).count()
     }
 
     /// Estimated memory, without the scene.
@@ -201,7 +201,6 @@ impl BspTree {
         let division = NodeDivision { plane, front, back };
         let node = &mut self.nodes[index as usize];
         (node.faces, node.division) = (on, Some(division));
-        self.divisions += 1;
         division
     }
 

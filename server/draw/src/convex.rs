@@ -154,6 +154,40 @@ impl Convex {
     }
 }
 
+/// The area that two convex polygons share, in square units.
+pub(crate) fn shared_area(a: &[PagePoint], b: &[PagePoint]) -> f64 {
+    let first = a[0];
+    let near =
+        |p: &PagePoint| [i64::from(p.x) - i64::from(first.x), i64::from(p.y) - i64::from(first.y)].map(|v| v as f64);
+    let mut rest: Vec<[f64; 2]> = a.iter().map(near).collect();
+    let clip: Vec<[f64; 2]> = b.iter().map(near).collect();
+    for k in 0..clip.len() {
+        let (p, q) = (clip[k], clip[(k + 1) % clip.len()]);
+        let side = |r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        let mut left = Vec::with_capacity(rest.len() + 1);
+        for i in 0..rest.len() {
+            let (r, s) = (rest[i], rest[(i + 1) % rest.len()]);
+            let (at_r, at_s) = (side(r), side(s));
+            if at_r >= 0.0 {
+                left.push(r);
+            }
+            if (at_r > 0.0 && at_s < 0.0) || (at_r < 0.0 && at_s > 0.0) {
+                let share = at_r / (at_r - at_s);
+                left.push([0, 1].map(|axis| r[axis] + share * (s[axis] - r[axis])));
+            }
+        }
+        rest = left;
+        if rest.len() < 3 {
+            return 0.0;
+        }
+    }
+    let doubled = |k: usize| {
+        let (r, s) = (rest[k], rest[(k + 1) % rest.len()]);
+        r[0] * s[1] - s[0] * r[1]
+    };
+    0.5 * (0..rest.len()).map(doubled).sum::<f64>().abs()
+}
+
 /// Where an edge crosses a line, for its ends with their [`cross`]; the same for both directions of the edge.
 fn crossing((a, side_a): (PagePoint, i64), (b, side_b): (PagePoint, i64)) -> PagePoint {
     let ((a, side_a), (b, side_b)) =
@@ -204,6 +238,19 @@ mod tests {
         assert!(!cut.misses(&rect) && !cut.covers(&rect));
         assert_eq!(cut.clipped(&rect).unwrap().twice_area(), 100);
         assert_eq!(rect.quarters().iter().map(PageRect::side).collect::<Vec<_>>(), [5; 4]);
+    }
+
+    #[test]
+    fn the_shared_area_is_that_of_what_both_have() {
+        let square = |x: i32, y: i32, side: i32| polygon(&[[x, y], [x + side, y], [x + side, y + side], [x, y + side]]);
+        let area = |a: &Convex, b: &Convex| shared_area(&a.points, &b.points);
+        assert_eq!(area(&square(0, 0, 5000), &square(5000, 0, 5000)), 0.0, "neighbours share a border only");
+        let corner = polygon(&[[4990, 4990], [5020, 4990], [4990, 5020]]);
+        for (other, expected) in [(square(2500, 2500, 5000), 2500.0 * 2500.0), (square(7, 9, 3), 9.0), (corner, 100.0)]
+        {
+            let found = [area(&square(0, 0, 5000), &other), area(&other, &square(0, 0, 5000))];
+            assert!(found.iter().all(|area| (area - expected).abs() < 1e-3), "{found:?}, {expected}");
+        }
     }
 
     #[test]

@@ -2,12 +2,11 @@
 
 use crate::{
     convex::PagePoint,
-    join::{Rings, unions},
+    join::Rings,
     lines::LineRole,
     style::Rgb,
     view::{MetreFrame, PaperGrid, PaperRect},
 };
-use insula_export::rings::twice_area;
 use insula_objects::FeatureKind;
 
 /// Shapes and lines on a sheet of paper.
@@ -33,9 +32,8 @@ pub struct Drawing {
     pub picture: Option<MapPicture>,
     /// Parts of the sheet around the drawing.
     pub sheet: Vec<SheetItem>,
-    pub counts: DrawingCounts,
-    /// The largest area that two visible parts share, as a share of the page; `None` if it was not asked for.
-    pub largest_overlap: Option<f64>,
+    /// Leaves and other nodes without a mesh, which are drawn from their columns.
+    pub without_mesh: u64,
 }
 
 /// A picture whose sides are those of a rectangle of the paper.
@@ -49,23 +47,6 @@ pub struct MapPicture {
     pub opacity: Vec<u8>,
     /// Millimetres of the paper.
     pub place: PaperRect,
-}
-
-/// How much work a drawing was.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct DrawingCounts {
-    /// Triangles that were read.
-    pub read: usize,
-    /// Triangles of the scene, with terrain as the view needs it.
-    pub triangles: usize,
-    /// Those in the view that face the eye.
-    pub facing: usize,
-    /// Faces after the splits of the BSP tree.
-    pub sorted: usize,
-    /// Visible parts before they are joined.
-    pub parts: usize,
-    /// Leaves and other nodes without a mesh, which are drawn from their columns.
-    pub without_mesh: u64,
 }
 
 /// The visible shapes and lines of an object.
@@ -109,20 +90,6 @@ pub struct DrawnLine {
 }
 
 impl Drawing {
-    /// The area in which opaque shapes overlap, as a share of the page: what they have together beyond their union. Joins all shapes,
-    /// which takes as long as drawing them.
-    #[must_use]
-    pub fn overlap(&self) -> f64 {
-        let opaque = |shape: &&DrawnShape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0;
-        let shapes = self.objects.iter().flat_map(|object| object.shapes.iter().filter(opaque));
-        let all: Rings = shapes.flat_map(|shape| shape.rings.iter().cloned()).collect();
-        let area = |rings: &Rings| rings.iter().map(|ring| i128::from(twice_area(ring))).sum::<i128>();
-        let union = unions(vec![all.clone()], &|_, _| true).unwrap_or_default();
-        let beyond = area(&all) - union.iter().map(area).sum::<i128>();
-        let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();
-        0.5 * beyond as f64 / page
-    }
-
     /// Objects and their translucent shapes in the order in which these are painted; those of one object that follow each other are
     /// together.
     pub(crate) fn translucent(&self) -> Vec<(&DrawnObject, Vec<&DrawnShape>)> {

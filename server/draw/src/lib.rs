@@ -12,7 +12,6 @@
 //! | `bsp`, `volume` | faces in the order of their distance; what a view shows of space |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
-//! | `overlap` | whether visible parts overlap |
 //! | `paint_order` | translucent surfaces from the farthest to the nearest |
 //! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
@@ -33,7 +32,6 @@ mod legend;
 pub mod limits;
 pub mod lines;
 pub mod options;
-mod overlap;
 mod paint;
 mod paint_order;
 mod part;

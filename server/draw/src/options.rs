@@ -119,7 +119,6 @@ impl DrawingOptions {
             is_bare: self.bare,
             title: self.title.clone(),
             style,
-            is_checked: false,
             is_sheet: self.sheet,
             date: String::new(),
             note: String::new(),

@@ -6,9 +6,8 @@
 //! one, and faces where planes do not help either.
 
 use crate::{
-    convex::{PagePoint, PageRect},
+    convex::{PagePoint, PageRect, shared_area},
     error::DrawError,
-    overlap::shared_area,
     warnock::{PagePolygon, VisiblePart},
 };
 use rayon::prelude::*;

@@ -47,12 +47,6 @@ impl DrawnPart {
         self.scene.byte_len() + self.is_open.len() + self.tree().byte_len(&self.scene.faces)
     }
 
-    /// How many sets of faces the tree has divided so far. A view of what others have shown divides none.
-    #[must_use]
-    pub fn divisions(&self) -> usize {
-        self.tree().divisions()
-    }
-
     /// Lowest and highest coordinates.
     pub(crate) fn bounds(&self) -> [DVec3; 2] {
         self.bounds

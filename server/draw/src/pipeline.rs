@@ -2,14 +2,13 @@
 
 use crate::{
     convex::{Convex, PagePoint, PageRect},
-    drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
+    drawing::{Drawing, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
     error::{DrawError, DrawProgress, DrawStep, advance},
     face::Face,
     hatch::hatched,
     join::{Rings, unions},
     legend::{legend_items, visible_legend},
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
-    overlap::largest_overlap,
     paint::attribute_colors,
     paint_order::coats,
     part::DrawnPart,
@@ -51,7 +50,6 @@ pub fn draw_part(
     let frame = request.paper.frame(request.is_bare);
     let points = part.scene.faces.iter().flat_map(|face| face.points.iter().copied());
     let projection = Projection::new(axes, frame, request.scale, points);
-    let read = part.scene.faces.len();
     // Terrain that is refined for the view is a scene of its own, which no other view shares.
     let refined = if part.scene.has_terrain { refine_terrain(&part.scene, &projection, LOD_ERROR_MM) } else { None };
     let refined = refined.map(DrawnPart::of);
@@ -65,21 +63,11 @@ pub fn draw_part(
     let volume = projection.volume(part.bounds());
     let stage = Stage { part, scene, projection, volume, grid, colors, request };
     let faces = part.front_to_back(stage.projection.axes.eye(), &stage.volume, request.limits.faces(), progress)?;
-    let mut counts = DrawingCounts {
-        read,
-        triangles: scene.faces.len(),
-        facing: faces.iter().map(|face| face.triangle).collect::<HashSet<_>>().len(),
-        sorted: faces.len(),
-        without_mesh: scene.without_mesh,
-        ..DrawingCounts::default()
-    };
     let polygons = stage.polygons(faces);
     let parts = visible_parts(&polygons, stage.grid.rect(&frame), request.limits.parts, progress)?;
-    counts.parts = parts.len();
     if parts.is_empty() {
         return Err(DrawError::Empty);
     }
-    let largest_overlap = request.is_checked.then(|| stage.largest_overlap(&polygons, &parts));
     let mut objects = Objects::new(scene);
     let style = &request.style;
     objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
@@ -108,8 +96,7 @@ pub fn draw_part(
         objects: objects.sorted(),
         picture: None,
         sheet,
-        counts,
-        largest_overlap,
+        without_mesh: scene.without_mesh,
     })
 }
 
@@ -208,13 +195,6 @@ impl Stage<'_> {
     fn visible_colors(&self, polygons: &[PagePolygon], parts: &[VisiblePart]) -> HashSet<Rgb> {
         let object = |part: &VisiblePart| self.scene.face_objects[polygons[part.polygon as usize].triangle as usize];
         parts.iter().filter_map(|part| self.colors.get(object(part) as usize).copied().flatten()).collect()
-    }
-
-    /// As a share of the page.
-    fn largest_overlap(&self, polygons: &[PagePolygon], parts: &[VisiblePart]) -> f64 {
-        let opaque: Vec<_> = parts.iter().filter(|part| polygons[part.polygon as usize].is_opaque).collect();
-        let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();
-        largest_overlap(&opaque, self.grid.rect(&self.projection.frame)) / page
     }
 
     fn shadows(

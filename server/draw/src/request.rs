@@ -20,8 +20,6 @@ pub struct DrawRequest {
     /// Title of the sheet; that of the city if `None`.
     pub title: Option<String>,
     pub style: Stylesheet,
-    /// Whether all pairs of visible parts are checked for overlaps, which takes as long as some of the drawing.
-    pub is_checked: bool,
     /// Whether formats that draw in metres draw the sheet of paper instead, in millimetres.
     pub is_sheet: bool,
     /// Date and time of the light for the title block; empty if it is not known.

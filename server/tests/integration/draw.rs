@@ -48,7 +48,6 @@ fn request(view: DrawView, scale: Option<f64>, style: Stylesheet) -> DrawRequest
         is_bare: false,
         title: Some("A <title>".to_owned()),
         style,
-        is_checked: false,
         is_sheet: false,
         date: String::new(),
         note: String::new(),

@@ -348,7 +348,7 @@ mod tests {
     use super::*;
     use crate::{
         convex::PagePoint,
-        drawing::{DrawingCounts, DrawnShape},
+        drawing::DrawnShape,
         view::{MetreFrame, PaperRect},
     };
     use insula_objects::FeatureKind;
@@ -388,8 +388,7 @@ mod tests {
             objects: vec![house],
             picture: None,
             sheet: vec![SheetItem::Text { at: [5.0, 5.0], size_mm: 2.0, anchor: TextAnchor::Middle, text: "N".into() }],
-            counts: DrawingCounts::default(),
-            largest_overlap: None,
+            without_mesh: 0,
         }
     }
 

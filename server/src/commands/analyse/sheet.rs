@@ -40,7 +40,6 @@ pub(super) fn write(
         is_bare: false,
         title: Some(format!("{}: {}", question.source.manifest().title, answer.title)),
         style: Stylesheet::default(),
-        is_checked: false,
         is_sheet: false,
         date: String::new(),
         note: "Values are those of the legend; the drawing below them is lit from the upper left.".to_owned(),
