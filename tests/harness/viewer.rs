@@ -4,11 +4,7 @@ use crate::view::Camera;
 use anyhow::{Result, ensure};
 use glam::DVec3;
 use insula_client::{
-    args::GlobalArgs,
-    commands::headless::open_session,
-    render::AdapterChoice,
-    session::Session,
-    stream::{fetch::Http, simulated_link::SimulatedLink},
+    args::GlobalArgs, commands::headless::open_session, render::AdapterChoice, session::Session, stream::fetch::Http,
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
@@ -26,18 +22,13 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Opens a city at any place, drawn with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
-    open_over(None, place, cache_mib)
+    open_drawn(place, cache_mib, false)
 }
 
 /// The same, with columns only or with meshes as well.
 pub fn open_drawn(place: &Path, cache_mib: u32, no_meshes: bool) -> Result<Session> {
     let global = GlobalArgs { no_meshes, ..global(cache_mib) };
     Ok(open_session(place.display().to_string(), &global, Some(Http::new(None)?), None, None)?)
-}
-
-/// The same with a simulated link.
-pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(open_session(place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None, None)?)
 }
 
 /// Fetches all tiles in the view frustum, occluded or not.
