@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
-"""Embree and obvhs beside Insula: primary rays on the finest triangles of a baked city, from the same cameras, in turn.
+"""Embree beside Insula: primary rays on the finest triangles of a baked city, from the same cameras, in turn.
 
     tests/tools/embree/run.py --city CITY --camera tests/paths/tokyo-street-camera.json... [--size 640 360] [--turns 3] [--threads N]
 
 Needs g++ and Embree 3 (Debian: libembree-dev); without them it says so and measures nothing. Insula's rays are those of the program
-`rays`, those of the crate obvhs those of `bvh_rays`, the triangles those of `insula-server export --format glb`. Each camera is measured
-in turn by all, several times; the best counts. Embree and obvhs shade with one product for each pixel; Insula's time has its light, haze,
-sky, exposure and tone curve.
+`rays`, the triangles those of `insula-server export --format glb`. Each camera is measured in turn by both, several times; the best
+counts. Embree shades with one product for each pixel; Insula's time has its light, haze, sky, exposure and tone curve.
 """
 
 import argparse
@@ -104,7 +103,6 @@ def main():
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--threads", type=int, default=os.cpu_count(), help="of both; one is the least disturbed by other programs")
     parser.add_argument("--rays", default="target/release/rays")
-    parser.add_argument("--bvh-rays", default="target/release/bvh_rays")
     parser.add_argument("--server", default="target/release/insula-server")
     args = parser.parse_args()
     header = any(pathlib.Path(root, "embree3/rtcore.h").exists() for root in ("/usr/include", "/usr/local/include"))
@@ -129,7 +127,6 @@ def main():
                     embree = rays_of(program, *options, isa, text)
                     found[f"Embree, {name}, packets of 8"] = embree["packets_mrays"]
                     found[f"Embree, {name}, single rays"] = embree["single_mrays"]
-                found["obvhs, single rays"] = rays_of(args.bvh_rays, *options, text)["single_mrays"]
                 for way, mrays in (found | insula_mrays(args, camera, ways)).items():
                     best[way] = max(best.get(way, 0.0), mrays)
             print(camera.stem, *(f"{way}: {mrays:.1f}" for way, mrays in best.items()), sep="\n  ")
