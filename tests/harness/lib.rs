@@ -22,7 +22,6 @@ pub mod random;
 pub mod random_mesh;
 pub mod reference_caster;
 pub mod source_code;
-pub mod street_people;
 pub mod synth;
 pub mod terraces;
 pub mod translucent_shapes;

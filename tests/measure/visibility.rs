@@ -1,18 +1,13 @@
-//! Measures potentially visible sets: whether they are complete, how tight they are, their bytes and their time.
+//! Measures potentially visible sets: whether they are complete, how tight they are, and their bytes.
 //!
-//! `cargo run --release -p insula-measure --bin visibility -- CITY --out COPY` computes the sets of a baked city and writes a copy of
-//! it that has them. Then random eyes in random cells cast random rays at the leaves' columns. A ray that hits a leaf which the
-//! set of its cell lacks is a miss. Without `--out`, the city must have sets.
+//! `cargo run --release -p insula-measure --bin visibility -- CITY`: random eyes in random cells of a baked city cast random rays at the
+//! leaves' columns. A ray that hits a leaf which the set of its cell lacks is a miss.
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
-use insula_archive::{
-    BakedCity,
-    city::{MANIFEST_FILE, content_version},
-};
-use insula_bake::write::visibility;
+use insula_archive::BakedCity;
 use insula_protocol::{
-    BlockMap, Manifest, NODE_CELLS, TileId, TileKind, VisibilityTile,
+    BlockMap, NODE_CELLS, TileId, TileKind, VisibilityTile,
     blockmap::flag,
     visibility_tile::{LAYERS, block_of_leaf},
 };
@@ -24,22 +19,14 @@ use insula_tests::{
 };
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs,
-    path::{Path, PathBuf},
-    time::Instant,
+    path::PathBuf,
 };
 
 /// Measures potentially visible sets
 #[derive(Debug, Parser)]
 struct Args {
-    /// Folder of the baked city
+    /// Folder of the baked city, with sets
     city: PathBuf,
-    /// Compute the sets and write a copy of the city that has them
-    #[arg(long)]
-    out: Option<PathBuf>,
-    /// Threads that compute
-    #[arg(long, default_value_t = 2)]
-    threads: usize,
     /// Number of random cells
     #[arg(long, default_value_t = 100)]
     cells: usize,
@@ -56,20 +43,13 @@ const FRAME_PX: u32 = 8;
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let folder = match &args.out {
-        Some(out) => {
-            add_sets(&args.city, out, args.threads)?;
-            out
-        }
-        None => &args.city,
-    };
-    let city = BakedCity::open(folder)?;
+    let city = BakedCity::open(&args.city)?;
     let archive = city.archive(TileKind::Visibility).context("the city has no sets")?;
     let share = archive.file_bytes() as f64 / (city.file_bytes() - archive.file_bytes()) as f64;
     let tiles: Vec<u32> = archive.lengths().map(|(_, length)| length).collect::<Result<_, _>>()?;
     println!(
         "{}: {} tiles of {} to {} bytes, {} kB, {:.2} % of the city",
-        folder.display(),
+        args.city.display(),
         tiles.len(),
         tiles.iter().min().unwrap_or(&0),
         tiles.iter().max().unwrap_or(&0),
@@ -150,12 +130,9 @@ impl Totals {
             // Of the set, leaves that exist.
             // The first scale.
             let side = 2 * usize::from(tile.reach) + 1;
-            let at = |i: usize, first: u32, place: usize| {
-                let _ = i;
-                (first + place as u32).checked_sub(u32::from(tile.reach))
-            };
+            let at = |first: u32, place: usize| (first + place as u32).checked_sub(u32::from(tile.reach));
             let exists = |i: &usize| {
-                let (x, y) = (at(*i, leaf.x(), i % side), at(*i, leaf.y(), i / side));
+                let (x, y) = (at(leaf.x(), i % side), at(leaf.y(), i / side));
                 let id = x.zip(y).and_then(|(x, y)| TileId::new(leaf.level(), x, y));
                 cell.seen[*i] as usize <= args.layer && id.is_some_and(|id| maps.contains_key(&id))
             };
@@ -194,27 +171,4 @@ fn random_eye(map: &BlockMap, top_m: f64, random: &mut Rng) -> Option<[f64; 3]> 
     let low_m = map.z_base_m() + f64::from(map.z_max[i]) * f64::from(map.z_step_m()) + rise_m;
     let low_m = if is_occupied { low_m } else { top_m - 3.0 };
     (low_m < top_m).then(|| [x * cell_m, y * cell_m, low_m + random.unit() * (top_m - low_m)])
-}
-
-/// Writes a copy of a city with sets.
-fn add_sets(city: &Path, out: &Path, threads: usize) -> Result<()> {
-    fs::create_dir_all(out)?;
-    for entry in fs::read_dir(city)? {
-        let entry = entry?;
-        fs::copy(entry.path(), out.join(entry.file_name()))?;
-    }
-    let mut manifest = insula_archive::city::read_manifest(out)?;
-    let start = Instant::now();
-    let length = visibility::write(out, &manifest, threads)?.context("the city has no leaves")?;
-    println!("{} kB in {:.1} s with {threads} threads", length / 1000, start.elapsed().as_secs_f64());
-    manifest.street_sets = true;
-    write_manifest(out, &manifest)?;
-    manifest.version = content_version(out, &manifest.version)?;
-    write_manifest(out, &manifest)
-}
-
-fn write_manifest(folder: &Path, manifest: &Manifest) -> Result<()> {
-    let mut json = serde_json::to_vec_pretty(manifest)?;
-    json.push(b'\n');
-    Ok(fs::write(folder.join(MANIFEST_FILE), json)?)
 }
