@@ -13,7 +13,7 @@ pub mod read;
 pub mod report;
 pub mod sample;
 pub mod scene;
-pub mod write;
+mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;

@@ -23,4 +23,4 @@ mod thumbnail;
 pub(crate) mod tile_bytes;
 pub(crate) mod tile_pack;
 pub(crate) mod tile_tree;
-pub mod visibility;
+mod visibility;

@@ -2,47 +2,16 @@
 //!
 //! Works from a city's V-BlockMaps alone, so that an update and a bake in steps do the same as a whole bake.
 
-use std::{path::Path, time::Instant};
+use std::path::Path;
 
-use insula_archive::{Archive, limits::MAX_OPENING_TIME};
-use insula_protocol::{BlockMap, DecodeError, Manifest, Subtree, TileId, TileKind};
+use insula_protocol::{BlockMap, Manifest, TileId};
 use insula_visibility::{CityExtent, CitySets, MAX_LEAF_SQUARES, NoSets, SWEEPS, Settings};
 
 use super::archive::{self, WrittenArchive};
-use crate::{
-    error::BakeError,
-    progress::{Progress, Silent},
-};
+use crate::{error::BakeError, progress::Progress};
 
 /// Heights below a city's bounds that columns may reach down to, in metres.
 const BELOW_BOUNDS_M: f64 = 100.0;
-
-/// Writes the archive into a city's folder, which has the archives of subtrees and V-BlockMaps, and returns its length. `None` if the
-/// city has no sets ([`CitySets::compute`]). Fails if a tile cannot be read or the file cannot be written.
-pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<u64>, BakeError> {
-    let open = |kind: TileKind| {
-        let path = folder.join(kind.file_name());
-        Archive::open(&path, Instant::now() + MAX_OPENING_TIME).map_err(|cause| damaged(&path, &cause.to_string()))
-    };
-    let (subtrees, blockmaps) = (open(TileKind::Subtree)?, open(TileKind::BlockMap)?);
-    let mut terminals = Vec::new();
-    for (root, bytes) in subtrees.tiles() {
-        let bytes = bytes.map_err(|cause| damaged(folder, &cause.to_string()))?;
-        let subtree = Subtree::decode(&bytes).map_err(BakeError::tile(root, "read"))?;
-        let is_terminal = |id: TileId, child_mask: u8| child_mask == 0 || id.level() == manifest.depth;
-        terminals.extend(subtree.nodes.iter().filter(|node| is_terminal(node.id, node.child_mask)).map(|node| node.id));
-    }
-    // A subtree's root is listed by the one above, too.
-    terminals.sort_unstable();
-    terminals.dedup();
-    let read = |id: TileId| {
-        let bytes = blockmaps.tile(id).map_err(|cause| damaged(folder, &cause.to_string()))?;
-        let missing = || BakeError::tile(id, "read")(DecodeError::Invalid("a node has no V-BlockMap"));
-        Ok(bytes.ok_or_else(missing)?.to_vec())
-    };
-    let path = folder.join(TileKind::Visibility.file_name());
-    Ok(write_archive(&path, extent(manifest, terminals), read, threads, &Silent)?.map(|archive| archive.bytes))
-}
 
 /// Describes a city. `terminals`: its nodes without children.
 pub(super) fn extent(manifest: &Manifest, terminals: Vec<TileId>) -> CityExtent {
@@ -76,8 +45,4 @@ pub(super) fn write_archive(
         pool.install(|| CitySets::compute(&extent, &Settings::default(), decode, |_| true, || progress.advance(1)))?;
     let Some(sets) = sets else { return Ok(None) };
     archive::write(path, &sets.blocks(), |id| sets.tile(id).encode().map_err(BakeError::tile(id, "written"))).map(Some)
-}
-
-fn damaged(path: &Path, what: &str) -> BakeError {
-    BakeError::Archive { path: path.to_owned(), what: what.to_owned() }
 }
