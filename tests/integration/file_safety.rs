@@ -281,7 +281,7 @@ impl Workplace {
             ("path.json", &format!(r#"{{"seconds":0.05,"keys":[{}]}}"#, CAMERA.replacen('{', r#"{"t":0,"#, 1))),
             ("site/insula-site.json", r#"{"assets":"a","cities":[],"files":{}}"#),
             ("site/index.html", "dear"),
-            ("plan.toml", "[[add]]\nfile = \"a.off\"\nplace = [4.3601, 52.01005]\n"),
+            ("plan.toml", "[[add]]\nfile = \"a.off\"\nplace = [4.3601, 52.01005]\nbase_m = 30\n"),
         ] {
             place.write(name, text);
         }
