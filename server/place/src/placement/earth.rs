@@ -3,11 +3,23 @@
 const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
 const ECCENTRICITY_2: f64 = FLATTENING * (2.0 - FLATTENING);
+/// Nearer to the poles, a metre to the east has as many degrees as here.
+const MIN_COSINE: f64 = 1e-6;
 /// Positions nearer to the centre of the Earth have no latitude.
 const MIN_RADIUS_M: f64 = 1e6;
 const MAX_ITERATIONS: usize = 10;
 /// A tenth of a micrometre on the ground.
 const LATITUDE_TOLERANCE_RAD: f64 = 1e-14;
+
+/// Degrees of a metre to the east and to the north at a latitude, on the ellipsoid.
+pub fn degrees_per_metre(latitude_deg: f64) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(latitude_deg.to_radians());
+    let flat = 1.0 - ECCENTRICITY_2 * sin * sin;
+    // The radii of the circle of latitude's normal section, and of the meridian.
+    let normal_m = EQUATORIAL_RADIUS_M / flat.sqrt();
+    let meridian_m = normal_m * (1.0 - ECCENTRICITY_2) / flat;
+    [normal_m * cos.max(MIN_COSINE), meridian_m].map(|radius_m| (1.0 / radius_m).to_degrees())
+}
 
 /// Longitude, latitude and height above the ellipsoid.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,6 +19,7 @@ mod world;
 
 use std::sync::Arc;
 
+pub use earth::degrees_per_metre;
 pub use first_shape::{FirstShape, is_on_globe, width_deg};
 pub use mesh_extent::MeshExtent;
 pub use order::{AxisOrders, AxisRule};

@@ -236,6 +236,13 @@ fn units_become_metres() {
 }
 
 #[test]
+fn metres_are_degrees_on_the_ellipsoid() {
+    // pyproj.Geod(ellps="WGS84").fwd(11.5, 48.13, azimuth, 1.0)
+    let [east, north] = super::degrees_per_metre(48.13);
+    assert!((east - 1.343_405_7e-5).abs() < 1e-11 && (north - 8.993_384e-6).abs() < 1e-11, "{east} {north}");
+}
+
+#[test]
 fn habits_of_publishers_are_understood() {
     let german = place("EPSG:25832", "urn:adv:crs:ETRS89_UTM32*DE_DHHN2016_NH", [32565931.5, 5934222.25, 4.0]);
     assert_eq!(german, [565931.5, 5934222.25, 4.0]);

@@ -100,7 +100,8 @@ mod tests {
     #[test]
     fn templates_in_degrees_are_in_metres() {
         let srs = Some("http://www.opengis.net/def/crs/EPSG/0/6697");
-        let placed = Placement::new(Affine::IDENTITY, Some([60.0, 139.0, 2.0]), srs).apply([111.195, 111.195, 1.0]);
+        let placed =
+            Placement::new(Affine::IDENTITY, Some([60.0, 139.0, 2.0]), srs).apply([111.600_003, 111.412_287, 1.0]);
         let expected = [60.001, 139.002, 3.0];
         for (value, expected) in placed.iter().zip(expected) {
             assert!((value - expected).abs() < 1e-9, "{placed:?}");
