@@ -43,7 +43,7 @@ impl Habit {
         match self {
             Self::ZonePrefix { metres } if x > metres / 3.0 => [x - metres, y],
             Self::SouthAfrican if y > 0.0 => [-x, -y],
-            Self::Krovak if x > 0.0 && y > 0.0 => [-x.min(y), -x.max(y)],
+            Self::Krovak if x * y > 0.0 => [-x.abs().min(y.abs()), -x.abs().max(y.abs())],
             _ => [x, y],
         }
     }
