@@ -11,7 +11,8 @@ const DATA_MARK: &str = " (data: ";
 pub fn describe(metadata: &Value, sink: &mut dyn ObjectSink) -> Option<String> {
     let mut crs = None;
     walk(metadata, "", sink, &mut crs);
-    crs
+    // The name of CityJSON before 1.0, which some writers still have.
+    crs.or_else(|| system_in(metadata.get("crs")?))
 }
 
 /// Finds members at any depth: some files put them into arrays and extensions.
@@ -100,6 +101,15 @@ mod tests {
         let expected =
             [(Description::Title, "Delft".to_owned()), (Description::Attribution, "TU (3D), licence: CC0".to_owned())];
         assert_eq!(sink.described, expected);
+    }
+
+    #[test]
+    fn systems_have_their_old_name_if_they_have_no_other() {
+        let mut sink = TestSink::default();
+        let old = serde_json::json!({"crs": {"epsg": 7415}});
+        assert_eq!(describe(&old, &mut sink).as_deref(), Some("EPSG:7415"));
+        let both = serde_json::json!({"crs": {"epsg": 7415}, "referenceSystem": "EPSG:28992"});
+        assert_eq!(describe(&both, &mut sink).as_deref(), Some("EPSG:28992"));
     }
 
     #[test]
