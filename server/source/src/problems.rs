@@ -20,6 +20,8 @@ pub const WIDE: &str = "few objects far away that make the city more than twice 
 pub const SWAPPED: &str = "coordinates in another order than declared";
 /// Kind of the problem that coordinates may be in either order.
 pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
+/// Kind of the problem that an order was assumed in which bodies are a mirror image.
+pub const MIRRORED: &str = "bodies inside out in the order that is assumed, the other one is likely";
 /// Kind of the problem that coordinates do not fit the system.
 pub const OUTSIDE: &str = "position outside of the area of use of the coordinate system";
 /// Reason for leaving out an area of which no ring has three corners far enough apart.
@@ -110,6 +112,7 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
     SWAPPED,
+    MIRRORED,
     OUTSIDE,
     NO_CRS,
     UNIT_GUESSED,

@@ -8,7 +8,7 @@ use super::attributes::{AttributeValue, Attributes};
 pub use super::made::{FacadeReport, ProposalReport};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, GUESSES, INEXACT, LOSSES, NO_CRS,
+    CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, GUESSES, INEXACT, LOSSES, MIRRORED, NO_CRS,
     NOT_UNDERSTOOD, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, WIDE,
 };
 
@@ -28,7 +28,7 @@ const OTHER_TYPES: &str = "(other types)";
 const OTHER_ATTRIBUTES: &str = "(other attributes)";
 
 /// Kinds of problems of places, which are no reason for an empty city while there are others.
-const PLACES: [&str; 5] = [INEXACT, NO_CRS, SWAPPED, OUTSIDE, EITHER_ORDER];
+const PLACES: [&str; 6] = [INEXACT, NO_CRS, SWAPPED, MIRRORED, OUTSIDE, EITHER_ORDER];
 
 fn is_worth_a_warning(guessed: u64, all: u64) -> bool {
     guessed as f64 > MAX_GUESSED_SHARE * all as f64

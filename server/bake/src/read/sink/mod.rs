@@ -32,13 +32,14 @@ use insula_source::input::Input;
 use insula_source::object::{
     CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, WholeBuilding,
 };
-use insula_source::problems::{MISSING_GROUND, NO_CRS};
+use insula_source::problems::{EITHER_ORDER, MIRRORED, MISSING_GROUND, NO_CRS};
 use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
 use insula_source::subject;
 use materials::MaterialTable;
 use mesh_place::UnplacedMesh;
 use mesh_shape::MeshShape;
+use outward::FacingCounts;
 use told_heights::ToldHeights;
 
 /// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
@@ -75,6 +76,7 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     mesh_shape: Option<MeshShape>,
     /// Of buildings, where the user gives no unit.
     told_heights: ToldHeights,
+    facings: FacingCounts,
     /// Before `placement`, for meshes without a coordinate system.
     frame: LocalFrame,
     faces: Vec<WorldTriangle>,
@@ -118,6 +120,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             unplaced_mesh,
             mesh_shape,
             told_heights,
+            facings: FacingCounts::default(),
             frame,
             faces,
             tick,
@@ -149,6 +152,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             shape.note_in(self.context.is_y_up(), &mut self.report);
         }
         self.told_heights.note_in(&mut self.report);
+        let assumed = self.placement.finding().filter(|(kind, _)| *kind == EITHER_ORDER);
+        if let Some(text) = assumed.and_then(|(_, text)| self.facings.mirror_text(text)) {
+            self.report.problem(MIRRORED, || text);
+        }
         self.placement.note_in(&mut self.report);
         self.report
     }

@@ -23,6 +23,26 @@ pub(super) enum Facing {
     Down,
 }
 
+/// Numbers of the objects of a source by how they look, if its format says from which side surfaces are seen.
+#[derive(Debug, Default)]
+pub(super) struct FacingCounts {
+    all: u64,
+    wrong: u64,
+}
+
+impl FacingCounts {
+    pub(super) fn add(&mut self, facing: Facing) {
+        self.all += 1;
+        self.wrong += u64::from(facing != Facing::Outward);
+    }
+
+    /// Tells that an order of coordinates, which `finding` names, makes a mirror image of most objects, if it does.
+    pub(super) fn mirror_text(&self, finding: &str) -> Option<String> {
+        let (all, wrong) = (self.all, self.wrong);
+        (2 * wrong > all).then(|| format!("{wrong} of {all} objects: {finding}"))
+    }
+}
+
 /// Sums over the placed surfaces of an object.
 #[derive(Debug, Default)]
 pub(super) struct ShellSums {
@@ -120,6 +140,16 @@ mod tests {
             (Facing::Outward, Facing::Outward),
             "two sides of a sheet"
         );
+    }
+
+    #[test]
+    fn a_source_is_a_mirror_image_if_most_of_its_objects_are() {
+        let mut counts = FacingCounts::default();
+        assert_eq!(counts.mirror_text("x"), None);
+        [Facing::Inward, Facing::Outward].into_iter().for_each(|facing| counts.add(facing));
+        assert_eq!(counts.mirror_text("x"), None);
+        counts.add(Facing::Down);
+        assert_eq!(counts.mirror_text("x").as_deref(), Some("2 of 3 objects: x"));
     }
 
     #[test]

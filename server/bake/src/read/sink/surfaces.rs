@@ -133,8 +133,11 @@ impl SceneSink<'_, '_, '_> {
                 sums.add_triangle(&corners);
             });
         }
-        let has_direction = has_direction(self.report.format);
-        match sums.facing() {
+        let (facing, has_direction) = (sums.facing(), has_direction(self.report.format));
+        if has_direction {
+            self.facings.add(facing);
+        }
+        match facing {
             Facing::Outward => false,
             Facing::Down => !has_direction,
             Facing::Inward => {
