@@ -4,7 +4,7 @@ use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::affine::TRANSPOSED;
-use insula_source::problems::NO_CRS;
+use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
@@ -432,12 +432,23 @@ fn degrees_without_a_system_are_taken_as_wgs84() {
     // 26 m x 22 m x 8.23 m.
     assert!((volume(&scene) - 4825.0).abs() < 60.0, "{}", volume(&scene));
     assert!(report.guess_warnings().any(|warning| warning.contains("taken as WGS 84")));
+}
+
+#[test]
+fn orders_that_are_assumed_are_told_and_mirror_images_are_a_warning() {
     // Projected coordinates in either order are plausible in Japan.
     let metadata = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/6677"}"#;
-    let text = document(&object("a", &solid("1")), metadata).replace(CUBE, &CUBE.replace('[', "[-3549"));
-    let (_, report) = read(&text);
-    let noted = report.sources[0].problems.keys().any(|kind| kind.contains("both are plausible"));
-    assert!(noted, "{:?}", report.sources[0].problems);
+    let problems = |cube: &str| {
+        let text = document(&object("a", &solid("1")), metadata).replace(CUBE, &cube.replace('[', "[-3549"));
+        let (_, mut report) = read(&text);
+        let is_warning = report.guess_warnings().any(|warning| warning.contains("--axis-order"));
+        (report.sources.remove(0).problems, is_warning)
+    };
+    let (as_declared, is_warning) = problems(CUBE);
+    assert!(as_declared.contains_key(EITHER_ORDER) && !is_warning, "{as_declared:?}");
+    let north_first = "[0,0,0],[0,2,0],[2,2,0],[2,0,0],[0,0,2],[0,2,2],[2,2,2],[2,0,2]";
+    let (mirrored, is_warning) = problems(north_first);
+    assert!(mirrored.contains_key(MIRRORED) && is_warning, "{mirrored:?}");
 }
 
 #[test]
