@@ -48,7 +48,7 @@ pub const OPEN_END: &str = "coastline ends within the map, drawn straight on to 
 pub const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
 /// It has too many nodes.
 pub const TOO_MANY: &str = "coastline with too many nodes, no sea made";
-/// Kind of the problem, and reason for leaving out, that a coastline is in a format of which no sea is made.
+/// Reason for leaving out a coastline in a format of which no sea is made.
 pub const NO_SEA: &str =
     "coastline of a GIS format, no sea made: give the map of OpenStreetMap itself (.osm, .osm.pbf)";
 /// Kinds of the problems that attributes or features are lost with the table that they are in: there is none.

@@ -12,7 +12,7 @@ use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
-use insula_source::problems::{MISSING_GROUND, NO_CRS, NO_SEA, TREES_BY_COLUMN};
+use insula_source::problems::{MISSING_GROUND, NO_CRS, TREES_BY_COLUMN};
 use insula_source::text::split_words;
 
 /// What most formats mean by longitude and latitude.
@@ -234,10 +234,8 @@ impl<'a> FeatureWriter<'a> {
         }
         add_tags(&mut attributes);
         let told = told(&id, &attributes, &geometry, &self.layer, columns, self.hints());
-        match told {
-            Ok(kind) => self.note_guess(kind, &attributes, &geometry, columns),
-            Err(NO_SEA) => self.sink.problem(NO_SEA, id.clone()),
-            Err(_) => {}
+        if let Ok(kind) = told {
+            self.note_guess(kind, &attributes, &geometry, columns);
         }
         let facing = facing(&geometry);
         let feature = Feature { id, is_mixed: columns.is_mixed, told, attributes, geometry };
