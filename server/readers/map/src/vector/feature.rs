@@ -23,7 +23,9 @@ const ID_NAMES: [&str; 15] = split_words(
     uuid",
 );
 /// Attributes that hold further tags as one text.
-const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
+const TAG_NAMES: [&str; 3] = ["other_tags", "all_tags", "tags"];
+/// Beginning of the names of tags that are members of one attribute, as some programs write them.
+const TAG_PREFIX: &str = "tags.";
 
 /// Level polygons with heights that wait until it is known whether they are faces of bodies.
 const MAX_WAITING: u64 = 256;
@@ -390,8 +392,17 @@ fn id_of(attributes: &Attributes) -> Option<String> {
     })
 }
 
-/// Adds the tags of OpenStreetMap that GDAL leaves in one text: `"key"=>"value"`, or a JSON object.
+/// Adds the tags of OpenStreetMap that are within an attribute: as one text (`"key"=>"value"`, or a JSON object), as GDAL leaves them, or
+/// as its members.
 fn add_tags(attributes: &mut Attributes) {
+    // Items of lists have numbers.
+    let is_key = |key: &&str| !key.starts_with(|first: char| first.is_ascii_digit());
+    let tag = |(name, value): (&str, &AttributeValue)| {
+        let key = name.strip_prefix(TAG_PREFIX).filter(is_key)?;
+        Some((key.to_owned(), value.as_str().map_or_else(|| value.clone(), AttributeValue::from_untyped)))
+    };
+    let nested: Vec<(String, AttributeValue)> = attributes.iter().filter_map(tag).collect();
+    nested.into_iter().for_each(|(key, value)| attributes.push(&key, value));
     for name in TAG_NAMES {
         let Some(text) = attributes.get(name).and_then(AttributeValue::as_str).map(str::to_owned) else { continue };
         if text.starts_with('{') {

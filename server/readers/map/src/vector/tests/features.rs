@@ -1,7 +1,8 @@
 //! What becomes of features, whatever their format. The CSV reader is the shortest way to make them.
 
 use super::{read, rings, run};
-use crate::vector::read_csv;
+use crate::vector::{read_csv, read_geojson};
+use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, Shape};
 use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, NO_SEA, TREES_BY_COLUMN};
 use insula_source::testing::TestSink;
@@ -157,6 +158,20 @@ fn kinds_by_the_name_of_the_layer_are_named_once() {
     let named: Vec<&str> = sink.problems.iter().map(|(kind, _)| *kind).collect();
     assert_eq!(named, [KIND_AGAINST_NAME, KIND_BY_NAME]);
     assert!(sink.problems[1].1.starts_with("park_avenue: taken as vegetation"), "{:?}", sink.problems);
+}
+
+#[test]
+fn tags_within_an_attribute_are_tags() {
+    let area = "POLYGON((0 0,9 0,9 9,0 0))";
+    for tags in ["\"\"building\"\"=>\"\"yes\"\"", "{\"\"building\"\": \"\"yes\"\"}"] {
+        let sink = features("export.csv", "osm_id;tags;wkt", &[&format!("7;\"{tags}\";{area}")]);
+        assert_eq!(kinds(&sink), [FeatureKind::Building], "{tags}");
+    }
+    let members = r#"{"type": "Feature", "id": "way/7", "properties": {"tags": {"building": "roof", "height": "5"}},
+        "geometry": {"type": "Polygon", "coordinates": [[[0,0],[9,0],[9,9],[0,0]]]}}"#;
+    let sink = read(read_geojson, &[("export.geojson", members.as_bytes())]);
+    assert_eq!(kinds(&sink), [FeatureKind::Building]);
+    assert_eq!(sink.objects[0].attributes.get("height"), Some(&AttributeValue::Integer(5)));
 }
 
 #[test]
