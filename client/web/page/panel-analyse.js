@@ -13,8 +13,8 @@ const DEFAULT_SIDE_M = '300';
 const SHARES = ['sky', 'share'];
 /** How opaque colours are on the city, as the last digits of a colour. */
 const OPACITY = 'b0';
-/** Where panels cover the city; the style has the same width. */
-const NARROW = '(max-width: 46rem)';
+/** Where questions and numbers have no room at once. The first width is that of the style. */
+const SMALL = '(max-width: 46rem), (max-height: 52rem)';
 
 /** Names of the rules by which the server computes hours of sun; empty if it makes no analyses. @returns {string[]} */
 export function offeredRules() {
@@ -57,13 +57,19 @@ export function analysePanel(page, rules) {
   };
   const again = button({ text: texts.kind, press: unfold });
   const buttons = element('div', { class: 'chips' }, again, run);
-  /** Leaves out the questions, so that the panel covers little of a result on a narrow screen. */
+  /** Leaves out the questions, so that a small screen has room for a result. */
   const fold = (isFolded) => {
     questions.hidden = isFolded;
     again.hidden = !isFolded;
   };
   fold(false);
 
+  /** Says where it stands, and shows that in a panel that scrolls. */
+  const tell = (text, say = announce) => {
+    setText(state, text);
+    state.scrollIntoView({ block: 'nearest' });
+    say(text);
+  };
   const clear = () => {
     fold(false);
     shown?.remove();
@@ -74,8 +80,7 @@ export function analysePanel(page, rules) {
   const showBusy = (isBusy) => {
     bar.hidden = !isBusy;
     run.querySelector('span')?.replaceChildren(isBusy ? texts.cancel : texts.run);
-    setText(state, isBusy ? texts.busy : '');
-    if (isBusy) announce(texts.busy);
+    if (isBusy) tell(texts.busy);
   };
   const compute = async () => {
     const own = (running = new AbortController());
@@ -88,14 +93,11 @@ export function analysePanel(page, rules) {
       showBusy(false);
       shown = { answer, remove: lay(figures, answer) };
       result.replaceChildren(...resultNodes(answer));
-      fold(matchMedia(NARROW).matches);
-      setText(state, texts.done);
-      announce(texts.done);
+      fold(matchMedia(SMALL).matches);
+      tell(texts.done);
     } catch ({ message }) {
       showBusy(false);
-      if (own.signal.aborted) return;
-      setText(state, texts.failed(message));
-      alarm(state.textContent ?? '');
+      tell(own.signal.aborted ? '' : texts.failed(message), alarm);
     } finally {
       running = null;
     }
@@ -106,8 +108,7 @@ export function analysePanel(page, rules) {
     event.preventDefault();
     const { answer } = shown;
     const found = answer.features.find(({ geometry }) => isIn(geometry.coordinates, event.detail.position));
-    setText(state, found ? texts.here(rangeText(found, answer)) : texts.noValue);
-    announce(state.textContent ?? '');
+    tell(found ? texts.here(rangeText(found, answer)) : texts.noValue);
   });
   const closed = () => {
     running?.abort();
