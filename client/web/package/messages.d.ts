@@ -117,9 +117,9 @@ tiles: number, };
  */
 export type MeasureMessage = { kind: string, 
 /**
- * The result, or what to do next.
+ * The result as lengths and areas with their units, such as `13.00 m`; none before there is one.
  */
-text: string, points: Array<[number, number]>, 
+figures: Array<string>, points: Array<[number, number]>, 
 /**
  * Ends of each line: x, y, x, y.
  */

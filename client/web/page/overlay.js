@@ -1,6 +1,8 @@
 /** What lies over the picture: markers, lines and the measured figure. The engine projects their points. */
 
 import { element, setText, svg } from './dom.js';
+import { measureText } from './measure-text.js';
+import { strings } from './strings.js';
 
 const DEFAULT_COLOR = '#ffb020';
 const DEFAULT_WIDTH_PX = 3;
@@ -118,11 +120,11 @@ export class Overlay {
   #showMeasure(measure, ratio) {
     const points = measure?.points ?? [];
     const last = points.at(-1);
-    this.#measureText.hidden = !last || !measure.text;
+    this.#measureText.hidden = !last;
     const dots = points.map(([x, y]) => svg('circle', { cx: x / ratio, cy: y / ratio, r: 4 }));
     this.#measureLine.replaceChildren(...outlined(measure?.lines ?? [], ratio), ...dots);
     if (!last) return;
-    setText(this.#measureText, measure.text);
+    setText(this.#measureText, measureText(measure) || strings.measured.next);
     place(this.#measureText, last[0] / ratio, last[1] / ratio);
   }
 }

@@ -1,7 +1,8 @@
 /** Measuring lines, areas and heights by clicks. The engine does the sums. */
 
-import { element, printable, setText } from './dom.js';
+import { element, setText } from './dom.js';
 import { MEASURES } from './key-table.js';
+import { measureText } from './measure-text.js';
 import { strings } from './strings.js';
 import { button, choice } from './widgets.js';
 
@@ -30,10 +31,7 @@ export function measurePanel({ city, panels }) {
     change: select,
   });
   city.addEventListener('frame', ({ detail }) => {
-    if (panels.current !== 'measure') return;
-    const text = printable(detail.measure?.text);
-    // What to click next is said by the hint, in the language of the page.
-    setText(result, text && !/\bclick\b/.test(text) ? text : texts.none);
+    if (panels.current === 'measure') setText(result, measureText(detail.measure) || texts.none);
   });
   const buttons = element(
     'div',

@@ -45,8 +45,8 @@ pub(crate) struct FrameMessage {
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct MeasureMessage {
     pub(crate) kind: &'static str,
-    /// The result, or what to do next.
-    pub(crate) text: String,
+    /// The result as lengths and areas with their units, such as `13.00 m`; none before there is one.
+    pub(crate) figures: Vec<String>,
     pub(crate) points: Vec<[f64; 2]>,
     /// Ends of each line: x, y, x, y.
     pub(crate) lines: Vec<[f64; 4]>,

@@ -94,7 +94,7 @@ pub(super) fn panels_cover_nothing_on_larger_screens() -> Result<()> {
     LARGER.into_iter().try_for_each(ensure_nothing_is_covered)
 }
 
-/// Texts come from the file of the browser's language, with the numbers of that language.
+/// Texts come from the file of the browser's language, with the numbers of that language, and results of the engine with them.
 pub(super) fn the_page_speaks_german() -> Result<()> {
     let (server, browser) = (serve()?, browser(false)?);
     let page = CityPage::new(&browser, PHONE)?;
@@ -107,6 +107,17 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     page.page.wait_for("document.querySelector('.toolbar')?.textContent.includes('Suche')", REACTION)?;
     let role = page.page.evaluate(&format!("{}.getAttribute('aria-roledescription')", CityPage::element(0)))?;
     ensure!(role == "3D-Ansicht", "{role}");
+    // What is measured, too, which the engine only counts. The middle of the view lies in the middle above the panel.
+    page.page.evaluate("document.querySelector('.tool:has(.icon-measure)').click()")?;
+    let result = "document.querySelector('.panel:not([hidden]) .result').textContent";
+    page.page.wait_for(&format!("{result} === 'Noch keine Punkte'"), REACTION)?;
+    for at in [[150.0, 165.0], [210.0, 165.0]] {
+        page.page.click(at, 1)?;
+    }
+    page.page.wait_for(
+        &format!("/^\\d+,\\d+ k?m lang, waagerecht \\d+,\\d+ k?m, -?\\d+,\\d+ m Anstieg$/.test({result})"),
+        REACTION,
+    )?;
     keep(&page, "german")?;
     ensure_no_problems(&page)
 }

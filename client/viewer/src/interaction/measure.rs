@@ -107,56 +107,69 @@ impl MeasureTool {
         self.points.windows(2).map(|ends| [ends[0], ends[1]]).chain(closing)
     }
 
+    /// The result as lengths and areas with their units; none before there is one. Of a line its length, that on the map and how far it
+    /// rises, or the last three of its last part if it has more; of an area its size and the length of its outline, or that alone if the
+    /// outline crosses itself; of a height the difference, both heights and how far they are apart on the map.
+    pub fn figures(&self) -> Vec<String> {
+        match (self.kind, &self.points[..]) {
+            (_, [] | [_]) | (MeasureKind::Area, [_, _]) => Vec::new(),
+            (MeasureKind::Line, points) => line_figures(points),
+            (MeasureKind::Area, points) => area_figures(points),
+            (MeasureKind::Height, [a, b, ..]) => {
+                [b.z - a.z, a.z, b.z, a.truncate().distance(b.truncate())].map(length_text).to_vec()
+            }
+        }
+    }
+
     /// The result, or what the user should do next; `None` if the tool is inactive.
     pub fn text(&self) -> Option<String> {
         if !self.is_active {
             return None;
         }
-        Some(match (self.kind, &self.points[..]) {
-            (kind, []) => format!("{}: click a first point", kind.word()),
-            (_, [p]) => {
+        Some(match (self.kind, &self.figures()[..], &self.points[..]) {
+            (MeasureKind::Line, [long, level, up], _) => format!("{long} long, {level} horizontally, {up} up"),
+            (MeasureKind::Line, [long, level, last, last_level, up], _) => {
+                format!("{long} long, {level} horizontally; last part {last}, {last_level} horizontally, {up} up")
+            }
+            (MeasureKind::Area, [around], _) => {
+                format!("the outline crosses itself: undo a point; its length is {around}")
+            }
+            (MeasureKind::Area, [size, around], _) => format!("{size} in plan, {around} around"),
+            (MeasureKind::Height, [up, from, to, apart], _) => {
+                format!("{up} higher ({from} to {to}), {apart} apart horizontally")
+            }
+            (_, _, [p]) => {
                 let [x, y, z] = p.to_array().map(|v| fixed(v, 1));
                 format!("from {x}, {y}, {z}: click the next point")
             }
-            (MeasureKind::Area, [_, _]) => "click the third point of the area".to_owned(),
-            (MeasureKind::Line, points) => line_text(points),
-            (MeasureKind::Area, points) => area_result(points),
-            (MeasureKind::Height, [a, b, ..]) => format!(
-                "{} higher ({} to {}), {} apart horizontally",
-                length_text(b.z - a.z),
-                length_text(a.z),
-                length_text(b.z),
-                length_text(a.truncate().distance(b.truncate()))
-            ),
+            (MeasureKind::Area, _, [_, _]) => "click the third point of the area".to_owned(),
+            (kind, ..) => format!("{}: click a first point", kind.word()),
         })
     }
 }
 
-fn line_text(points: &[DVec3]) -> String {
+fn line_figures(points: &[DVec3]) -> Vec<String> {
     let sum = |length: fn(DVec3) -> f64| points.windows(2).map(|ends| length(ends[1] - ends[0])).sum::<f64>();
-    let (total_m, horizontal_m) = (sum(DVec3::length), sum(horizontal_length));
-    let total = format!("{} long, {} horizontally", length_text(total_m), length_text(horizontal_m));
-    let last = match points {
-        [.., a, b] if points.len() > 2 => *b - *a,
-        [a, b] => return format!("{total}, {} up", length_text(b.z - a.z)),
-        _ => return total,
-    };
-    let (length, horizontal) = (length_text(last.length()), length_text(horizontal_length(last)));
-    format!("{total}; last part {length}, {horizontal} horizontally, {} up", length_text(last.z))
+    let mut figures = vec![sum(DVec3::length), sum(horizontal_length)];
+    if let [.., a, b] = points {
+        let last = *b - *a;
+        if points.len() > 2 {
+            figures.extend([last.length(), horizontal_length(last)]);
+        }
+        figures.push(last.z);
+    }
+    figures.into_iter().map(length_text).collect()
 }
 
 fn horizontal_length(line: DVec3) -> f64 {
     line.truncate().length()
 }
 
-fn area_result(points: &[DVec3]) -> String {
+fn area_figures(points: &[DVec3]) -> Vec<String> {
     let corners: Vec<DVec2> = points.iter().map(|p| p.truncate()).collect();
     let sides = corners.iter().zip(corners.iter().cycle().skip(1));
-    let perimeter = length_text(sides.map(|(a, b)| a.distance(*b)).sum());
-    if crosses_itself(&corners) {
-        return format!("the outline crosses itself: undo a point; its length is {perimeter}");
-    }
-    format!("{} in plan, {perimeter} around", area_text(polygon_area(&corners)))
+    let around = length_text(sides.map(|(a, b)| a.distance(*b)).sum());
+    if crosses_itself(&corners) { vec![around] } else { vec![area_text(polygon_area(&corners)), around] }
 }
 
 /// Area of a polygon whose sides do not cross, in the square of its unit. Coordinates are taken from the first corner: products
@@ -199,7 +212,7 @@ mod tests {
         line.add_point(DVec3::new(3.0, 4.0, 2.0));
         let text = "23.00 m long, 5.00 m horizontally; last part 10.00 m, 0.00 m horizontally, -10.00 m up";
         assert_eq!(line.text().unwrap(), text);
-        assert_eq!(line.lines().count(), 2);
+        assert_eq!((line.lines().count(), line.figures().len()), (2, 5));
         line.undo();
         line.undo();
         assert!(line.text().unwrap().contains("click the next point"));
@@ -207,6 +220,7 @@ mod tests {
         line.undo();
         assert_eq!(line.text().unwrap(), "line: click a first point");
         line.toggle();
+        assert!(line.figures().is_empty());
         assert_eq!((line.text(), line), (None, MeasureTool::default()));
     }
 
@@ -229,6 +243,7 @@ mod tests {
     fn an_outline_that_crosses_itself_has_no_area() {
         let bow_tie = tool(MeasureKind::Area, &[[0.0; 3], [10.0, 10.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]);
         assert!(bow_tie.text().unwrap().starts_with("the outline crosses itself"));
+        assert_eq!(bow_tie.figures().len(), 1);
         // A corner on another side only touches it.
         assert!(!crosses_itself(&[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 0.0], [0.0, 4.0]].map(DVec2::from)));
     }

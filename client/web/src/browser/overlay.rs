@@ -84,14 +84,16 @@ impl CityViewer {
     }
 
     fn measure_message(&self, view: &View) -> Option<MeasureMessage> {
-        let text = self.measure.text()?;
+        if !self.measure.is_active {
+            return None;
+        }
         let size = DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
         let point = |p: &DVec3| project(view, *p).map(|share| (share * size).to_array());
         let line = |ends: [DVec3; 2]| project_line(view, ends).map(|[a, b]| flat(a * size, b * size));
         let kind = self.measure.kind();
         Some(MeasureMessage {
             kind: kind.word(),
-            text,
+            figures: self.measure.figures(),
             points: self.measure.points().iter().filter_map(point).collect(),
             lines: self.measure.lines().filter_map(line).collect(),
             closed: kind == MeasureKind::Area,
