@@ -12,13 +12,19 @@ function inLanguage(titles) {
   return titles?.[code] ?? titles?.[code.split('-')[0]];
 }
 
+/** The word of the page for what all objects have; other names are those of the source. */
+function fieldTitle(name) {
+  const { names } = strings.colors;
+  return Object.hasOwn(names, name) ? names[name] : name;
+}
+
 /**
  * The title of a legend.
  * @param {import('./insula-viewer.js').Legend} legend
  * @returns {string}
  */
 export function legendTitle({ title, titles, unit }) {
-  const text = inLanguage(titles) ?? title;
+  const text = inLanguage(titles) ?? fieldTitle(title);
   return unit ? `${text} (${unit})` : text;
 }
 
@@ -37,7 +43,7 @@ export class AttributeLabels {
   /** What people read for a name. @param {string} name @returns {string} */
   title(name) {
     const label = this.#labels.get(name);
-    return inLanguage(label?.titles) ?? label?.title ?? name;
+    return inLanguage(label?.titles) ?? label?.title ?? fieldTitle(name);
   }
 
   /** A value with its unit. @param {string} name @param {string|number|boolean} value @returns {string} */

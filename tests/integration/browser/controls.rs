@@ -119,6 +119,9 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
         REACTION,
     )?;
     keep(&page, "german")?;
+    // All objects have a kind and a height, whatever their source calls the rest.
+    page.page.evaluate(LEGEND)?;
+    page.page.wait_for("document.querySelector('.legend-title').textContent === 'Höhe'", REACTION)?;
     ensure_no_problems(&page)
 }
 
