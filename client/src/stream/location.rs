@@ -1,7 +1,7 @@
 //! Locations of cities as typed by the user.
 
 use crate::error::{ClientError, Result};
-use insula_archive::city::MANIFEST_FILE;
+use insula_archive::city::{MANIFEST_FILE, first_city_in};
 use insula_protocol::{
     manifest::is_name,
     route::{self, CITIES, without_secrets},
@@ -42,17 +42,27 @@ impl CityLocation {
             Some((address, query)) if address.contains("://") => (address, Some(query)),
             _ => (text, None),
         };
-        let invalid = || {
+        let not_a_city = |what: &str| {
             ClientError::Usage(format!(
-                "{text}: not a city: write http://host:port, http://host:port{CITIES}/NAME, the URL of a baked folder on a \
+                "{text}: {what}: write http://host:port, http://host:port{CITIES}/NAME, the URL of a baked folder on a \
                  host that supports range requests, or the path of a baked folder"
             ))
         };
+        let invalid = || not_a_city("not a city");
         let Some(scheme_end) = text.find("://").map(|at| at + 3) else {
             let path = Path::new(place);
             let folder = if path.ends_with(MANIFEST_FILE) { path.parent().unwrap_or(path) } else { path };
-            let has_manifest = folder.join(MANIFEST_FILE).is_file();
-            return if has_manifest { Ok(Self::Folder(folder.to_owned())) } else { Err(invalid()) };
+            if folder.join(MANIFEST_FILE).is_file() {
+                return Ok(Self::Folder(folder.to_owned()));
+            }
+            return Err(match first_city_in(folder) {
+                Some(city) => ClientError::Usage(format!(
+                    "{text}: a folder of cities, not a city: name one of them, such as {}",
+                    city.display()
+                )),
+                None if folder.exists() => invalid(),
+                None => not_a_city("there is no such city or folder"),
+            });
         };
         if !["http://", "https://"].contains(&text[..scheme_end].to_lowercase().as_str()) {
             return Err(invalid());
@@ -175,6 +185,19 @@ mod tests {
         ] {
             assert_eq!(CityLocation::parse(place).unwrap().to_string(), shown);
         }
+    }
+
+    #[test]
+    fn a_folder_of_cities_names_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = |path: &Path| CityLocation::parse(path).unwrap_err().to_string();
+        assert!(error(folder.path()).contains("not a city"));
+        std::fs::create_dir(folder.path().join("town")).unwrap();
+        std::fs::write(folder.path().join("town").join(MANIFEST_FILE), "{}").unwrap();
+        let cities = error(folder.path());
+        assert!(cities.contains("folder of cities") && cities.ends_with("town"), "{cities}");
+        let missing = error(&folder.path().join("twon"));
+        assert!(missing.contains("twon: there is no such"), "{missing}");
     }
 
     #[test]

@@ -10,8 +10,12 @@ use insula_protocol::{
 };
 
 #[cfg(feature = "fs")]
+mod folder;
+#[cfg(feature = "fs")]
 mod version;
 
+#[cfg(feature = "fs")]
+pub use folder::first_city_in;
 #[cfg(feature = "fs")]
 pub use version::{ArchiveDigest, content_version, version_of};
 

@@ -7,7 +7,7 @@ use super::{
 use bytes::Bytes;
 use insula_archive::{
     BakedCity,
-    city::{MANIFEST_FILE, SEARCH_FILE},
+    city::{MANIFEST_FILE, SEARCH_FILE, first_city_in},
     file::open_regular,
     open_files::FileIdentity,
 };
@@ -57,7 +57,10 @@ impl CityStore {
             return Err(StoreError::NotAFolder(folder.to_owned()));
         }
         for _ in 0..MAX_ATTEMPTS {
-            let stamp = CityStamp::of(folder)?;
+            let stamp = CityStamp::of(folder).map_err(|error| match first_city_in(folder) {
+                Some(city) => StoreError::FolderOfCities { folder: folder.to_owned(), city },
+                None => error,
+            })?;
             let (city, search) = (BakedCity::open(folder), SearchFile::open(folder));
             if CityStamp::of(folder)? == stamp {
                 let has_thumbnail = folder.join(THUMBNAIL_FILE).is_file();
@@ -167,5 +170,9 @@ mod tests {
         let missing = of(&folder.path().join("nofile.gml"));
         assert!(missing.contains("nofile.gml:") && !missing.contains(MANIFEST_FILE), "{missing}");
         assert!(of(folder.path()).contains(MANIFEST_FILE));
+        fs::create_dir(folder.path().join("town")).unwrap();
+        fs::write(folder.path().join("town").join(MANIFEST_FILE), "{}").unwrap();
+        let cities = of(folder.path());
+        assert!(cities.contains("folder of cities") && cities.ends_with("town"), "{cities}");
     }
 }

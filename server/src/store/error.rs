@@ -14,6 +14,8 @@ pub enum StoreError {
     NotAFolder(PathBuf),
     #[error("no city in {}: neither it nor a folder in it contains city.json; make a city with `insula-server bake`", .0.display())]
     NoCity(PathBuf),
+    #[error("{} is a folder of cities, not a city; name one of them, such as {}", folder.display(), city.display())]
+    FolderOfCities { folder: PathBuf, city: PathBuf },
     /// The city is damaged, inconsistent, or of another version.
     #[error(transparent)]
     City(#[from] CityError),
