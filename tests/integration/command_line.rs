@@ -1,5 +1,8 @@
 //! The command lines of both programs: alike, and as the documentation has them.
 
+use clap::CommandFactory;
+use insula_client::args::Cli;
+use insula_server::args::Args;
 use insula_test_support::programs::{ServerProcess, program, run};
 use insula_tests::{source_code::tracked_files, tests, trials::Trials};
 use std::{ffi::OsStr, fs, path::Path, process::Command as Process};
@@ -8,6 +11,7 @@ pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         the_page_of_all_commands_is_what_the_programs_print,
         both_programs_show_help_and_errors_alike,
+        each_program_names_the_other_one_for_its_commands,
         a_view_link_is_a_place_of_all_commands,
         a_cache_folder_that_cannot_be_written_is_a_warning,
         a_view_is_exported_with_its_camera,
@@ -78,6 +82,16 @@ fn both_programs_show_help_and_errors_alike() {
         let version = call(&["--version"]);
         assert_eq!(version, call(&["-V"]));
         assert_eq!(version.1, format!("{name} {}\n", env!("CARGO_PKG_VERSION")));
+    }
+}
+
+fn each_program_names_the_other_one_for_its_commands() {
+    for (name, other) in [("insula", Args::command()), ("insula-server", Cli::command())] {
+        for command in other.get_subcommands().filter(|command| !command.is_hide_set()) {
+            let (other, command) = (other.get_name(), command.get_name());
+            let expected = format!("error: {command} is a command of {other}; see {other} {command} --help\n");
+            assert_eq!(call(name, Path::new("."), &[OsStr::new(command)]), (Some(2), expected));
+        }
     }
 }
 
@@ -278,6 +292,8 @@ fn a_view_is_exported_with_its_camera() {
         ("rows.csv", &["--camera", "camera.json"][..], "--format glb"),
         ("rows.csv", &["--format", "geojson"], "another format"),
         ("-", &["--format", "csv"], "standard output"),
+        ("model.obj", &[], "end it in .csv, .geojson"),
+        ("plan.dxf", &[], "`insula draw`"),
         ("rows.csv", &["--bbox", "8,44,8.1,44.1"], "--bbox 8,44,8.1,44.1: beyond the city, which lies in 4.3"),
         ("rows.csv", &["--bbox-metres", "0,0,9,9"], "beyond the city, which lies in 8"),
         ("rows.csv", &["--polygon", "away.geojson"], "--polygon away.geojson: beyond the city"),

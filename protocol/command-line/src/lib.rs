@@ -10,7 +10,10 @@ pub mod output;
 mod private_network;
 pub mod tls;
 
-use clap::{Command, CommandFactory, Parser, Subcommand, error::ErrorKind};
+use clap::{
+    Command, CommandFactory, Parser, Subcommand,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
 use clap_complete::Shell;
 use insula_archive::{file::open_regular, new_file::replace};
 use insula_protocol::text::printable;
@@ -23,6 +26,33 @@ use std::{
     path::{Path, PathBuf},
     process::ExitCode,
 };
+
+/// The commands of both programs, in the order of their help. Each names the other one for those that it does not have.
+const COMMANDS: [(&str, &[&str]); 2] = [
+    ("insula", &["view", "open", "demo", "snapshot", "fly", "draw"]),
+    (
+        "insula-server",
+        &[
+            "bake",
+            "serve",
+            "sign",
+            "publish",
+            "inspect",
+            "objects",
+            "search",
+            "export",
+            "changes",
+            "analyse",
+            "openapi",
+            "verify",
+            "compress",
+            "decompress",
+            "simplify",
+            "compare",
+            "ao",
+        ],
+    ),
+];
 
 /// Environment variable with the file of the certificates that clients trust.
 const CERTIFICATES: &str = "SSL_CERT_FILE";
@@ -79,10 +109,24 @@ fn with_full_switches(program: &Command, line: impl IntoIterator<Item = OsString
 fn usage_line<P: CommandFactory>(error: &clap::Error, line: impl IntoIterator<Item = OsString>) -> String {
     let text = error.render().to_string();
     let message = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next()).unwrap_or_default();
+    // Nobody means an option that does not exist as a value.
+    let is_told = |line: &&str| !line.trim_start().starts_with("tip: to pass ");
+    let message = message.trim_start_matches("error: ").lines().filter(is_told).collect::<Vec<_>>().join("\n");
     let program = P::command();
+    if let (ErrorKind::InvalidSubcommand, Some(ContextValue::String(command))) =
+        (error.kind(), error.get(ContextKind::InvalidSubcommand))
+        && let Some(other) = other_program(program.get_name(), command)
+    {
+        return named_line(None, &format!("{command} is a command of {other}; see {other} {command} --help"));
+    }
     let command = subcommand_of(&program, line);
     let help = command.iter().fold(program.get_name().to_owned(), |help, command| help + " " + command);
-    format!("{}; see {help} --help", named_line(command.as_deref(), message.trim_start_matches("error: ")))
+    format!("{}; see {help} --help", named_line(command.as_deref(), &message))
+}
+
+/// The other program, if it has this command.
+fn other_program(program: &str, command: &str) -> Option<&'static str> {
+    COMMANDS.iter().find(|(name, commands)| *name != program && commands.contains(&command)).map(|(name, _)| *name)
 }
 
 /// A failure of the command of this process in one line, which names the command.
@@ -241,6 +285,10 @@ mod tests {
         let unknown = error(&["town", "dance"]);
         assert_eq!(unknown, "error: unrecognized subcommand 'dance'; see town --help");
         assert!(error(&["town", "build", "--storey", "1"]).contains("tip: "));
+        let other = error(&["town", "build", "--storeys", "1", "--balcony"]);
+        assert_eq!(other, "error: build: unexpected argument '--balcony' found; see town build --help");
+        let elsewhere = error(&["town", "snapshot"]);
+        assert_eq!(elsewhere, "error: snapshot is a command of insula; see insula snapshot --help");
     }
 
     #[test]

@@ -101,9 +101,14 @@ impl ExportArgs {
             (Some(format), Some(named)) if format != named => {
                 Err(format!("{out}: its name tells another format than --format; change one of them"))
             }
-            (format, named) => {
-                format.or(named).ok_or_else(|| format!("{out}: its name tells no format; give --format FORMAT"))
-            }
+            (format, named) => format.or(named).ok_or_else(|| {
+                let is_drawing = [".svg", ".pdf", ".dxf"].iter().any(|end| out.to_string().ends_with(end));
+                let hint = if is_drawing { ", or draw it with `insula draw`" } else { "" };
+                format!(
+                    "{out}: its name tells no format; end it in .csv, .geojson, .parquet, .fgb, .city.jsonl, .glb, .gltf, .tif, .3tz or \
+                     .pmtiles, or give --format{hint}"
+                )
+            }),
         }
     }
 
