@@ -98,6 +98,7 @@ fn place_in(manifest: &Manifest, option: &str, [lon, lat]: [f64; 2]) -> Result<D
 mod tests {
     use super::*;
     use glam::DVec3;
+    use insula_command_line::camera::degrees_fault;
     use insula_protocol::manifest::GeoLocation;
     use insula_test_support::small_city::empty_manifest;
 
@@ -138,6 +139,20 @@ mod tests {
         let unknown = Manifest { location: None, ..delft() };
         let error = camera_in(&args, &unknown, [640, 360]).unwrap_err().to_string();
         assert!(error.contains("use --camera"), "{error}");
+    }
+
+    #[test]
+    fn cameras_in_degrees_are_told() {
+        let fault = |x, y| degrees_fault(&delft(), [x, y]);
+        for [x, y] in [[4.36, 52.01], [52.01, 4.36]] {
+            let text = fault(x, y).unwrap();
+            assert!(text.contains(&format!("{x},{y}")) && text.contains("85000,447000"), "{text}");
+        }
+        // Another place, the city itself, one whose metres begin at zero, and one of an unknown place.
+        assert_eq!((fault(14.36, 52.01), fault(84_500.0, 446_500.0)), (None, None));
+        let local = Manifest { bounds: [[0.0; 3], [900.0, 900.0, 9.0]], ..delft() };
+        assert_eq!(degrees_fault(&local, [4.36, 52.01]), None);
+        assert_eq!(degrees_fault(&Manifest { location: None, ..delft() }, [4.36, 52.01]), None);
     }
 
     #[test]

@@ -18,7 +18,7 @@ use insula_analysis::eye::lifted_camera;
 use insula_archive::file;
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
 use insula_command_line::{
-    camera::inside_note,
+    camera::{degrees_fault, inside_note},
     output::{FileKind, Outputs},
 };
 use insula_draw::{
@@ -198,6 +198,9 @@ fn view(args: &DrawArgs, source: &dyn ExportSource) -> Result<DrawView> {
     let Some(given) = &args.view else { return Ok(DrawView::Plan) };
     // The numbers of the file as they are: a server draws the same of them.
     let (CameraFile { position, target, up, fov_y_deg }, _) = read_camera_file(given)?;
+    if let Some(fault) = degrees_fault(source.manifest(), [position[0], position[1]]) {
+        return Err(ClientError::Usage(fault));
+    }
     let mut camera = ExportCamera { position, target, up, fov_y_deg };
     if let Some(lifted) = lifted_camera(source, camera).map_err(|error| unreadable(&error))? {
         eprintln!("note: {}", inside_note(args.keep_camera, lifted.position[2] - camera.position[2]));

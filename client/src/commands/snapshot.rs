@@ -17,7 +17,7 @@ use crate::{
 use glam::DVec3;
 use insula_archive::new_file::replace;
 use insula_command_line::{
-    camera::inside_note,
+    camera::{degrees_fault, inside_note},
     output::{FileKind, Outputs},
 };
 use insula_objects::filter::NONE_PASSES_IN_VIEW;
@@ -44,6 +44,12 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let request = |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px, switching };
     let given = given_camera(&args.viewpoint, link.camera)?.map(request);
     let mut session = open_session(args.place.place(), global, None, given.as_ref(), args.proposal.as_deref())?;
+    let manifest = session.tree().manifest();
+    if let Some(fault) =
+        given.as_ref().and_then(|given| degrees_fault(manifest, given.camera.position.truncate().to_array()))
+    {
+        return Err(ClientError::Usage(fault));
+    }
     let request = match given {
         Some(given) => given,
         None => request(camera_in(&args.viewpoint, session.tree().manifest(), args.size)?),

@@ -13,7 +13,7 @@ use insula_archive::{
 };
 use insula_bake::read::EarthPlace;
 use insula_command_line::{
-    camera::inside_note,
+    camera::{degrees_fault, inside_note},
     output::{FileKind, Outputs},
 };
 use insula_export::{
@@ -238,6 +238,9 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?
         }
     };
+    if let Some(fault) = degrees_fault(source.manifest(), [camera.position[0], camera.position[1]]) {
+        return Err(CommandError::Usage(fault));
+    }
     let lifted = lifted_camera(source, camera)
         .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
     if let Some(lifted) = lifted {
