@@ -133,8 +133,18 @@ fn smooth([from, to]: [f32; 2], v: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+fn height_deg(sun_z: f32) -> f32 {
+    sun_z.clamp(-1.0, 1.0).asin().to_degrees()
+}
+
+/// How much of an evening or a morning it is under a sun in direction `sun`, a unit vector: 0 by day and at night, 1 when the sun is low.
+pub fn low_sun(sun: Vec3) -> f32 {
+    let height_deg = height_deg(sun.z);
+    smooth(DUSK_DEG, height_deg) * (1.0 - smooth(DAY_DEG, height_deg))
+}
+
 fn model(mut light: Light, sun_z: f32) -> Light {
-    let height_deg = sun_z.clamp(-1.0, 1.0).asin().to_degrees();
+    let height_deg = height_deg(sun_z);
     let day = smooth(DAY_DEG, height_deg);
     let by_day = |[low, high]: [f32; 2]| low + (high - low) * day;
     light.sun = graded(light.sun, by_day(SUN_GREY), 1.0);
@@ -231,6 +241,14 @@ mod tests {
             assert_eq!(Look::of_word(look.word()), Some(look));
         }
         assert_eq!(Look::of_word("Model"), None);
+    }
+
+    #[test]
+    fn evenings_are_neither_day_nor_night() {
+        let at =
+            |height_deg: f32| low_sun(Vec3::new(height_deg.to_radians().cos(), 0.0, height_deg.to_radians().sin()));
+        assert_eq!([-90.0, -5.0, 30.0, 90.0].map(at), [0.0; 4]);
+        assert!((at(6.0) - 1.0).abs() < 1e-3 && at(1.0) > 0.3 && at(17.0) > 0.3, "{}", at(6.0));
     }
 
     #[test]

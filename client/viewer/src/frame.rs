@@ -23,7 +23,7 @@ use insula_shaders::{
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, MESH_LEVEL, PAGE_WORDS, Shading},
     light::{Air, NightLights, SUN_RADIUS_RAD},
-    look::Look,
+    look::{Look, low_sun},
     mesh::{leaf_offset, ray_origin},
     stone::{MAX_STONES, Stone},
 };
@@ -144,7 +144,8 @@ impl FrameData {
         let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
         let mut frame = frame_uniform(view, settings, tree.manifest().ground_z_m, tree.stones());
         if settings.look.has_fog() {
-            (frame.fog, frame.city) = fog_around(tree.manifest(), view.camera.position);
+            let low_sun = f64::from(low_sun(settings.sun.as_vec3()));
+            (frame.fog, frame.city) = fog_around(tree.manifest(), view.camera.position, low_sun);
             if let Some(shore) = tree.shore().or(cache.shore()) {
                 let corner = DVec3::from(tree.manifest().origin) - view.camera.position;
                 shore.write(&mut frame, corner.truncate(), tree.manifest().root_side_m);
@@ -340,9 +341,10 @@ fn edges_of(settings: &RenderSettings) -> [f32; 4] {
     [strength(settings.edges[0], lines), strength(settings.edges[1], contact), 0.0, 0.0]
 }
 
-/// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it.
-const FOG_START: f64 = 0.9;
-const FOG_DEPTH: f64 = 5.0;
+/// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it: by day, and under a low
+/// sun. Then the sky is much brighter than the land, which would end in a grey band.
+const FOG_START: [f64; 2] = [0.9, 0.5];
+const FOG_DEPTH: [f64; 2] = [5.0, 2.2];
 /// A camera that is further than this multiple from the city's middle, as that of an upright picture, takes the fog along: it would
 /// hide the city.
 const FOG_REACH: f64 = 1.7;
@@ -351,14 +353,15 @@ const LAND_DEPTH: f64 = 0.2;
 /// Least half diagonal in metres: fog around a single house would hide its street.
 const LEAST_CITY_M: f64 = 700.0;
 
-/// [`FrameUniform::fog`] and [`FrameUniform::city`] around a city.
-fn fog_around(manifest: &Manifest, eye: DVec3) -> ([f32; 4], [f32; 4]) {
+/// [`FrameUniform::fog`] and [`FrameUniform::city`] around a city. `low_sun`: as [`low_sun()`] has it.
+fn fog_around(manifest: &Manifest, eye: DVec3, low_sun: f64) -> ([f32; 4], [f32; 4]) {
+    let [start, depth] = [FOG_START, FOG_DEPTH].map(|[day, evening]| day + (evening - day) * low_sun);
     let [low, high] = manifest.focus;
     let half_m = (0.5 * (high[0] - low[0]).hypot(high[1] - low[1])).max(LEAST_CITY_M);
     let [[west, south, low_m], [east, north, _]] = manifest.bounds;
     let middle = DVec3::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low_m);
     let back_m = (middle.distance(eye) - FOG_REACH * half_m).max(0.0);
-    let fog = [FOG_START * half_m + back_m, 1.0 / (FOG_DEPTH * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
+    let fog = [start * half_m + back_m, 1.0 / (depth * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
     let city = [west - eye.x, south - eye.y, east - eye.x, north - eye.y];
     (fog.map(|v| v as f32), city.map(|v| v as f32))
 }
@@ -418,11 +421,13 @@ mod tests {
         let (focus, bounds) = ([[0.0, 0.0], [3000.0, 4000.0]], [[0.0; 3], [3000.0, 4000.0, 50.0]]);
         let manifest = Manifest { focus, bounds, ..empty_manifest(2) };
         let start_m = |back_m: f64| {
-            let ([start_m, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0 - back_m, 0.0));
+            let ([start_m, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0 - back_m, 0.0), 0.0);
             f64::from(start_m)
         };
-        let near_m = FOG_START * 2500.0;
+        let near_m = FOG_START[0] * 2500.0;
         assert_eq!([0.0, 4000.0].map(start_m), [near_m; 2]);
         assert!((start_m(10_000.0) - near_m - (10_000.0 - FOG_REACH * 2500.0)).abs() < 1.0);
+        let ([evening_m, density, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0, 0.0), 1.0);
+        assert!(f64::from(evening_m) < 0.6 * near_m && f64::from(density) * FOG_DEPTH[0] * 2500.0 > 2.0);
     }
 }
