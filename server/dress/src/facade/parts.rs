@@ -17,6 +17,9 @@ const MIN_HEIGHT_M: f64 = 2.0;
 const MIN_WIDTH_M: f64 = 2.0;
 /// Share of a storey that a part may lack at its top or bottom: the pattern is plain there.
 const SLACK: f64 = 0.15;
+/// Share of a storey below the first one, in which there is only wall: generated ground, and terrain that is made of triangles, may be
+/// that much above a building's foot, and would cut windows. As in the slack, the pattern is plain there: no face is cut for it.
+pub(super) const PLINTH: f64 = SLACK;
 /// Share of the storey above the last one that is plain in the pattern.
 const PLAIN_ABOVE: f64 = 0.25;
 
@@ -112,12 +115,13 @@ fn span_at(triangle: &[DVec2; 3], along_m: f64) -> Option<[f64; 2]> {
 /// The storeys of an object, equal in all its walls.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Storeys {
+    /// Height of the floor of storey 0, above the plinth.
     base_m: f64,
     height_m: f64,
 }
 
 impl Storeys {
-    /// Divides the height of most of the walls into whole storeys of about `usual_m`; `None` without walls.
+    /// Divides the height of most of the walls into a plinth and whole storeys of about `usual_m`; `None` without walls.
     pub(super) fn of(walls: &[Vec<WallPart>], base_m: f64, usual_m: f64) -> Option<Self> {
         let width = |part: &WallPart| part.along_m[1] - part.along_m[0];
         let mut parts: Vec<&WallPart> = walls.iter().flatten().collect();
@@ -129,7 +133,8 @@ impl Storeys {
             sum_m >= half_m
         });
         let eave_m = eave?.z_m[1] - base_m;
-        (eave_m >= MIN_HEIGHT_M).then(|| Self { base_m, height_m: eave_m / (eave_m / usual_m).round().max(1.0) })
+        let height_m = eave_m / ((eave_m / usual_m).round().max(1.0) + PLINTH);
+        (eave_m >= MIN_HEIGHT_M).then(|| Self { base_m: base_m + PLINTH * height_m, height_m })
     }
 
     /// Joins neighbouring parts with the same storeys, and divides them into bays of about `bay_m`.

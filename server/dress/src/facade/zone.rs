@@ -18,7 +18,7 @@ pub(super) struct FacadeZone {
 }
 
 impl FacadeZone {
-    /// Bays from the zone's start and storeys from the object's base.
+    /// Bays from the zone's start and storeys from the floor of the first; the plinth below it is negative.
     pub(super) fn uv(&self, along_m: f64, z_m: f64) -> [f32; 2] {
         let share = (along_m - self.along_m[0]) / (self.along_m[1] - self.along_m[0]);
         let cells = [share * f64::from(self.bays), (z_m - self.base_m) / self.storey_m];
