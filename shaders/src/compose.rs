@@ -192,10 +192,57 @@ fn ndc(size: IVec2, at: IVec2) -> Vec2 {
     (at.as_vec2() + 0.5) / size.as_vec2() * 2.0 - 1.0
 }
 
-/// Inverse depth in metres at a place of the picture; that of the plane without columns where no node was hit, 0 in the sky.
+/// Inverse depth in metres at a place of the picture; that of the plane without columns where no node was hit, 0 in the sky. What lies
+/// below the plane counts as being on it: rays see the ends of generated ground through the plane, a cell deep, and they would be lines.
 fn inverse_depth(settings: &ComposeUniform, ndc: Vec2, distance_m: f32) -> f32 {
+    let of_plane = Vec4::from(settings.plane).xyz().dot(Vec3::new(1.0, ndc.x, -ndc.y)).max(0.0);
     if distance_m.is_finite() {
-        return (1.0 + (ndc * Vec2::from(settings.tan)).length_squared()).sqrt() / distance_m;
+        return ((1.0 + (ndc * Vec2::from(settings.tan)).length_squared()).sqrt() / distance_m).max(of_plane);
     }
-    Vec4::from(settings.plane).xyz().dot(Vec3::new(1.0, ndc.x, -ndc.y)).max(0.0)
+    of_plane
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    /// Side of the picture.
+    const SIDE: u32 = 64;
+
+    /// The shades of a plane 100 m below a camera that looks down, in whose middle is something else, by the distance of the plane there.
+    fn shades_with(other_m: impl Fn(f32) -> f32) -> Vec<f32> {
+        let frame = FrameUniform {
+            forward: [0.0, 0.8, -0.6],
+            right: [0.5, 0.0, 0.0],
+            up: [0.0, 0.3, 0.4],
+            width_px: SIDE,
+            height_px: SIDE,
+            shading: Shading::Lit as u32,
+            ground: 1,
+            ground_z_m: -100.0,
+            edges: [0.34, 0.85, 0.0, 0.0],
+            ..FrameUniform::zeroed()
+        };
+        let size = IVec2::splat(SIDE as i32);
+        let distance = |i: i32| {
+            let at = IVec2::new(i % size.x, i / size.x);
+            if (at - size / 2).abs().max_element() > 6 {
+                return f32::INFINITY;
+            }
+            let ndc = ndc(size, at);
+            let dir = Vec3::from(frame.forward) + Vec3::from(frame.right) * ndc.x - Vec3::from(frame.up) * ndc.y;
+            other_m(-100.0 / dir.z * dir.length())
+        };
+        let distances: Vec<f32> = (0..size.x * size.y).map(distance).collect();
+        shades(&frame, &distances).unwrap()
+    }
+
+    #[test]
+    fn what_is_seen_through_the_plane_has_neither_lines_nor_shade() {
+        let least = |shades: Vec<f32>| shades.into_iter().fold(1.0, f32::min);
+        assert!(least(shades_with(|plane_m| plane_m + 4.0)) > 0.999);
+        // Something above the plane has lines.
+        assert!(least(shades_with(|plane_m| plane_m - 10.0)) < 0.9);
+    }
 }

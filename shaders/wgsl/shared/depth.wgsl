@@ -19,14 +19,15 @@ fn ndc_of(at: vec2<i32>) -> vec2<f32> {
     return (vec2<f32>(at) + 0.5) / vec2<f32>(settings.frame_px) * 2.0 - 1.0;
 }
 
-// Of the pixel nearest to `place`.
+// Of the pixel nearest to `place`. What lies below the plane counts as being on it.
 fn inverse_depth(place: vec2<i32>) -> f32 {
     let at = clamp(place, vec2<i32>(0), last_pixel());
     let ndc = ndc_of(at);
+    let of_plane = max(dot(settings.plane.xyz, vec3<f32>(1.0, ndc.x, -ndc.y)), 0.0);
     let distance_m = distance_at(at);
     if distance_m < LONGEST_M {
         let across = ndc * settings.tan;
-        return sqrt(1.0 + dot(across, across)) / distance_m;
+        return max(sqrt(1.0 + dot(across, across)) / distance_m, of_plane);
     }
-    return max(dot(settings.plane.xyz, vec3<f32>(1.0, ndc.x, -ndc.y)), 0.0);
+    return of_plane;
 }
