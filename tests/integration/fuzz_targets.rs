@@ -54,7 +54,7 @@ fn target(name: &'static str, run: impl Fn(&[u8]) + 'static) -> Target {
 
 /// One file for the programs of all readers.
 #[path = "../fuzz/targets/reader.rs"]
-#[allow(dead_code, unused_attributes, unreachable_pub, reason = "written as a program of its own")]
+#[allow(dead_code, unused_attributes, unused_imports, unreachable_pub, reason = "written as a program of its own")]
 mod reader;
 
 targets! {
