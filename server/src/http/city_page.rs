@@ -99,7 +99,7 @@ pub(super) fn respond_with_city(
 
 /// Whether the page may show proposals.
 fn has_proposals(state: &AppState, city: &CityStore, access: CityAccess) -> bool {
-    let has_some = state.brand().proposals_of(&city.manifest().name).is_some();
+    let has_some = state.brand.proposals_of(&city.manifest().name).is_some();
     cfg!(feature = "bake") && has_some && access.admits_computed(RouteTemplate::Proposals)
 }
 

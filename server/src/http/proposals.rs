@@ -32,14 +32,14 @@ pub(super) async fn proposals(
 ) -> Result<Response, Problem> {
     let city = requested_city(&state, &uri, &headers)?;
     let (read, runtime) = (Arc::clone(&city), Handle::current());
-    let folder = state.brand().proposals_of(&city.manifest().name).map(ToOwned::to_owned);
+    let folder = state.brand.proposals_of(&city.manifest().name).map(ToOwned::to_owned);
     let work = move |stop: &StopFlag| {
         let (json, faults) = with_source(&read, (&runtime, stop), |source| document(folder.as_deref(), source))?;
         faults.iter().for_each(|fault| tracing::warn!(fault, "a proposal is left out"));
         Ok::<_, SourceError>(json.into_bytes())
     };
     let key = ComputedKey::Proposals(city.serial());
-    let made = state.computed().find_or_make(key, state.work(WorkKind::Filter), client, work).await;
+    let made = state.computed.find_or_make(key, state.work(WorkKind::Filter), client, work).await;
     let made = made.map_err(Shed::problem)?.map_err(|error| unreadable(&state, &city, &error))?;
     let representation = Representation {
         etag: made.etag,

@@ -84,7 +84,7 @@ fn selections_crop_and_mask() {
     let objects = Some([COURT].into_iter().collect());
     let mut raster = read(&ObjectSelection { bbox, objects, ..ObjectSelection::default() }).unwrap();
     assert_eq!((raster.at(10.1, 5.3), raster.at(59.9, 54.9)), (NODATA, 15.0));
-    let polygons = Some(vec![vec![vec![[x, y], [x + 20.0, y], [x, y + 20.0]]]]);
+    let polygons = Some(crate::selection::SelectedArea::new(vec![vec![vec![[x, y], [x + 20.0, y], [x, y + 20.0]]]]));
     let mut raster = read(&ObjectSelection { polygons, ..ObjectSelection::default() }).unwrap();
     assert_eq!((raster.size, raster.at(4.1, 4.1), raster.at(13.9, 11.9)), ([40, 40], 9.0, NODATA));
     let nowhere = Some([[x - 9.0, y], [x - 8.0, y + 9.0]]);

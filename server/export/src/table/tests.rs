@@ -200,7 +200,8 @@ fn selections_have_objects_by_their_middle() {
     let rows = csv_of(&ObjectSelection { bbox, ..ObjectSelection::default() });
     assert_eq!(rows.keys().copied().collect::<Vec<_>>(), [HOUSE, BUILDING, PARTS[0]]);
     assert_eq!(rows[&BUILDING]["area_m2"], "128");
-    let polygons = Some(vec![vec![vec![[x + 45.0, y], [x + 128.0, y], [x + 128.0, y + 80.0], [x + 45.0, y + 80.0]]]]);
+    let ring = vec![[x + 45.0, y], [x + 128.0, y], [x + 128.0, y + 80.0], [x + 45.0, y + 80.0]];
+    let polygons = Some(SelectedArea::new(vec![vec![ring]]));
     assert_eq!(of(&ObjectSelection { polygons, ..ObjectSelection::default() }), [COURT, HEDGE]);
     let objects = Some([PARTS[1], HEDGE, 77].into_iter().collect());
     assert_eq!(of(&ObjectSelection { objects, ..ObjectSelection::default() }), [PARTS[1], HEDGE]);
