@@ -188,7 +188,7 @@ class Monaco(unittest.TestCase):
 
     @needs("anywidget")
     def test_a_widget_answers_for_its_server(self):
-        from insula import _map
+        from insula import _http, _map
 
         try:
             widget = insula.Map(self.city, height=300)
@@ -204,6 +204,12 @@ class Monaco(unittest.TestCase):
         self.assertEqual([content.get("status") for content, _ in sent], [200, 200, None])
         self.assertEqual(sent[0][0]["headers"]["content-encoding"], "gzip")
         self.assertIsNone(_map._PATHS.fullmatch("/v1/@elsewhere"))
+        # Any page of the browser reaches the server, and has no token.
+        address = widget._address + "/v1/cities/monaco"
+        self.assertEqual([_http.get(address).status, _http.get(address, widget._headers).status], [401, 200])
+        folder = Path(widget._folder.name)
+        widget.close()
+        self.assertFalse(folder.exists())
 
 
 if __name__ == "__main__":

@@ -1,12 +1,15 @@
 """The widget: a city in a notebook.
 
 The viewer of the programs runs in the front end. Its modules and the tiles come from a server that the kernel starts, by one of two ways
-that the front end chooses: straight from that server if it is the same machine, else through the kernel's channel.
+that the front end chooses: straight from that server if it is the same machine, else through the kernel's channel. The server wants a token,
+which only the front end and the kernel have: any page of the browser reaches the machine that it runs on.
 """
 
 from __future__ import annotations
 
 import re
+import secrets
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -54,23 +57,42 @@ class Map(anywidget.AnyWidget):
     _name = traitlets.Unicode().tag(sync=True)
     _version = traitlets.Unicode().tag(sync=True)
     _assets = traitlets.Unicode().tag(sync=True)
+    _token = traitlets.Unicode().tag(sync=True)
 
     def __init__(self, city: City | str, **traits: Any) -> None:
         """Shows a city. Fails with `Error` if the server does not start or has no viewer."""
         city = city if isinstance(city, City) else open_city(city)
         of_server = _http.city_of(city.place) if is_address(city.place) else None
-        self._server: Server | None = None if of_server else serve(city)
+        self._server: Server | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._headers: dict[str, str] = {}
+        token = "" if of_server else self._serve(city)
         root, name = of_server or (self._server.url, city.name)  # type: ignore[union-attr]
         self._pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="insula")
         try:
-            assets = _assets_of(root, name)
+            assets = _assets_of(root, name, self._headers)
         except Error:
             self._end()
             raise
         # Notebooks keep what the front end gets.
         place = {"_address": _http.without_user(root), "_name": name, "_version": str(city.manifest.get("version", ""))}
-        super().__init__(**place, _assets=assets, **traits)
+        super().__init__(**place, _assets=assets, _token=token, **traits)
         self.on_msg(self._receive)
+
+    def _serve(self, city: City) -> str:
+        """Starts a server of a city, and returns the token that it wants."""
+        token = secrets.token_urlsafe(24)
+        # The server looks at the file now and then.
+        self._folder = tempfile.TemporaryDirectory(prefix="insula-")
+        path = Path(self._folder.name) / "tokens"
+        path.write_text(f"{token}\n", encoding="utf-8")
+        try:
+            self._server = serve(city, set=f"access.tokens={path}")
+        except BaseException:
+            self._folder.cleanup()
+            raise
+        self._headers = {"Authorization": f"Bearer {token}"}
+        return token
 
     def color(self, table: Any, column: str, **options: Any) -> None:
         """Colours objects by a column of a table: `map.color(frame, "rent")`. Options are those of `insula.colors`."""
@@ -86,6 +108,9 @@ class Map(anywidget.AnyWidget):
         if self._server:
             self._server.close()
             self._server = None
+        if self._folder:
+            self._folder.cleanup()
+            self._folder = None
 
     def _receive(self, _: Any, content: Any, __: Any) -> None:
         """A message of the front end. Answers come from threads: requests of tiles do not wait for each other."""
@@ -102,16 +127,16 @@ class Map(anywidget.AnyWidget):
         # Files of the viewer are compressed, tiles are so by themselves.
         headers = {"Range": str(range_)} if range_ else {"Accept-Encoding": "gzip"}
         try:
-            answer = _http.get(self._address + path, headers)
+            answer = _http.get(self._address + path, {**headers, **self._headers})
         except Error as error:
             return {"error": str(error)}, b""
         kept = {name: answer.headers[name] for name in _KEPT_HEADERS if name in answer.headers}
         return {"status": answer.status, "headers": kept}, answer.body
 
 
-def _assets_of(root: str, name: str) -> str:
+def _assets_of(root: str, name: str, headers: dict[str, str]) -> str:
     """The path of the viewer's files on a server. Fails with `Error` if it has none."""
-    page = _http.get(f"{root}/cities/{name}")
+    page = _http.get(f"{root}/cities/{name}", headers)
     found = _ASSETS.search(page.body.decode("utf-8", "replace"))
     if not found:
         raise Error(f"{_http.shown(root)}: this server has no viewer for browsers: build it with client/web/build before the programs")

@@ -24,6 +24,8 @@ class Channel {
   key = `city-${Math.random().toString(36).slice(2)}`;
   /** Address of the server, if it can be asked directly. */
   direct = '';
+  /** What the server wants to see, if it is one of the kernel's own. @type {Record<string, string>} */
+  #credentials = {};
   #receive = (content, buffers) => {
     const request = content?.kind === 'answer' && this.#waiting.get(content.id);
     if (!request) return;
@@ -47,17 +49,20 @@ class Channel {
     const [address, name, version] = ['_address', '_name', '_version'].map((trait) => this.#model.get(trait));
     if (transport === 'kernel' || !OWN_HOSTS.includes(location.hostname)) return;
     const signal = AbortSignal.timeout(TRIAL_MS);
-    const manifest = await fetch(`${address}/v1/cities/${name}`, { signal }).then((answer) => answer.json(), () => null).catch(() => null);
+    const token = this.#model.get('_token');
+    this.#credentials = token ? { authorization: `Bearer ${token}` } : {};
+    const manifest = await fetch(`${address}/v1/cities/${name}`, { headers: this.#credentials, signal }).then((answer) => answer.json(), () => null).catch(() => null);
     if (manifest?.version === version) this.direct = address;
   }
 
   /** @returns {Promise<{status: number, headers: Record<string, string>, body: Uint8Array}>} */
   async fetch(path, range, signal) {
     if (this.direct) {
-      const answer = await fetch(this.direct + path, { headers: range ? { range } : {}, signal });
-      const headers = Object.fromEntries(answer.headers);
-      delete headers['content-encoding'];
-      return { status: answer.status, headers, body: new Uint8Array(await answer.arrayBuffer()) };
+      const headers = { ...this.#credentials, ...(range ? { range } : {}) };
+      const answer = await fetch(this.direct + path, { headers, signal });
+      const kept = Object.fromEntries(answer.headers);
+      delete kept['content-encoding'];
+      return { status: answer.status, headers: kept, body: new Uint8Array(await answer.arrayBuffer()) };
     }
     const id = `${this.key}-${++this.#last}`;
     const answer = await new Promise((resolve, reject) => {
