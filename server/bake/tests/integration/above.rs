@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use super::support::{BakedCity, options};
+use super::support::{BakedCity, add_box, options};
 use insula_bake::{
     BakeOptions, GroundOption,
     columns::voxels::VoxelNode,
@@ -26,13 +26,6 @@ fn add_face(scene: &mut Scene, [a, b, c, d]: [[f32; 3]; 4]) {
     scene.triangles.extend([face([a, b, c]), face([a, c, d])]);
 }
 
-/// Adds a box to the last object.
-fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
-    let corner = |i: usize| std::array::from_fn(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
-    const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
-    FACES.iter().for_each(|face| add_face(scene, face.map(corner)));
-}
-
 /// Adds a level rectangle of ground as an object of its own: west, south, east, north, height.
 fn add_ground(scene: &mut Scene, [west, south, east, north, z]: [f32; 5]) {
     add_object(scene, ObjectKind::Terrain, z);
@@ -47,11 +40,11 @@ fn stacked(boxes: &[[[f32; 3]; 2]], is_one: bool) -> Scene {
         if i == 0 || !is_one {
             add_object(&mut scene, ObjectKind::Building, if is_one { lowest } else { low[2] });
         }
-        add_box(&mut scene, *low, *high);
+        add_box(&mut scene, *low, *high, [0, 0]);
     }
     for at in [-90.0, 150.0] {
         add_object(&mut scene, ObjectKind::Building, 0.0);
-        add_box(&mut scene, [at, at, 0.0], [at + 2.0, at + 2.0, 2.0]);
+        add_box(&mut scene, [at, at, 0.0], [at + 2.0, at + 2.0, 2.0], [0, 0]);
     }
     scene
 }
@@ -135,7 +128,7 @@ fn generated_ground_hides_no_flat_land_at_any_level() {
     let mut scene = empty();
     for [x, y] in [[-20.0, -20.0], [260.0, -20.0], [-20.0, 260.0], [260.0, 260.0]] {
         add_object(&mut scene, ObjectKind::Building, 0.0);
-        add_box(&mut scene, [x, y, 0.0], [x + 10.0, y + 10.0, 8.0]);
+        add_box(&mut scene, [x, y, 0.0], [x + 10.0, y + 10.0, 8.0], [0, 0]);
     }
     add_ground(&mut scene, [0.0, 0.0, 250.0, 250.0, 0.02]);
     add_ground(&mut scene, [120.0, -40.0, 126.0, 290.0, 0.05]);
@@ -187,7 +180,7 @@ fn occlusion_of_walls_in_a_deep_street_is_that_of_a_hemisphere() {
     let mut scene = empty();
     for [west, east] in [[10.0, 20.0], [30.0, 40.0]] {
         add_object(&mut scene, ObjectKind::Building, 0.0);
-        add_box(&mut scene, [west, -88.0, 0.0], [east, 152.0, 24.0]);
+        add_box(&mut scene, [west, -88.0, 0.0], [east, 152.0, 24.0], [0, 0]);
     }
     let node = leaf(&scene);
     for z in [1, 6, 12, 18, 22] {

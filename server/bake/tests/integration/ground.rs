@@ -2,11 +2,11 @@
 
 use std::{collections::BTreeMap, path::Path, sync::OnceLock};
 
-use super::support::{BakedCity, options};
+use super::support::{BakedCity, add_box, options};
 use insula_bake::{
     BakeOptions, GroundOption,
     sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
+    scene::{Material, ObjectKind, Scene, SceneObject},
 };
 use insula_protocol::{
     BlockMap, TileId,
@@ -30,14 +30,14 @@ fn hillside() -> Scene {
         let [x, y] = [column * STEP_M, row * STEP_M];
         let is_yard = (4.0..8.0).contains(&column) && (4.0..8.0).contains(&row);
         if !is_yard {
-            add_box(&mut scene, [x, y], [x + HOUSE_M, y + HOUSE_M], 8.0);
+            add_house(&mut scene, [x, y], [x + HOUSE_M, y + HOUSE_M], 8.0);
         }
     }
     let [west, south, east, north] = [120.0, 120.0, 140.0, 140.0];
-    add_box(&mut scene, [west - 5.0, south - 5.0], [west, north + 5.0], 30.0);
-    add_box(&mut scene, [east, south - 5.0], [east + 5.0, north + 5.0], 30.0);
-    add_box(&mut scene, [west, south - 5.0], [east, south], 30.0);
-    add_box(&mut scene, [west, north], [east, north + 5.0], 30.0);
+    add_house(&mut scene, [west - 5.0, south - 5.0], [west, north + 5.0], 30.0);
+    add_house(&mut scene, [east, south - 5.0], [east + 5.0, north + 5.0], 30.0);
+    add_house(&mut scene, [west, south - 5.0], [east, south], 30.0);
+    add_house(&mut scene, [west, north], [east, north + 5.0], 30.0);
     scene
 }
 
@@ -46,21 +46,10 @@ fn base_m(x: f32) -> f32 {
     5.0 + SLOPE * x
 }
 
-fn add_box(scene: &mut Scene, [west, south]: [f32; 2], [east, north]: [f32; 2], height_m: f32) {
-    let base = base_m(west);
-    let object = scene.objects.len() as u32;
-    scene.objects.push(SceneObject { id: object.to_string(), kind: ObjectKind::Building, base_z_m: base });
-    let corner = |i: usize| {
-        let pick = |bit: usize, low: f32, high: f32| if i >> bit & 1 == 0 { low } else { high };
-        [pick(0, west, east), pick(1, south, north), pick(2, base, base + height_m)]
-    };
-    const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
-    for [a, b, c, d] in FACES {
-        for corners in [[a, b, c], [a, c, d]] {
-            let corners = corners.map(corner);
-            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object });
-        }
-    }
+fn add_house(scene: &mut Scene, [west, south]: [f32; 2], [east, north]: [f32; 2], height_m: f32) {
+    let base_z_m = base_m(west);
+    scene.objects.push(SceneObject { id: scene.objects.len().to_string(), kind: ObjectKind::Building, base_z_m });
+    add_box(scene, [west, south, base_z_m], [east, north, base_z_m + height_m], [0, 0]);
 }
 
 fn bake(name: &str, ground: GroundOption, threads: usize) -> BakedCity {

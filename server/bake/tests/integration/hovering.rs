@@ -2,7 +2,7 @@
 
 use std::{fmt::Write, fs, path::Path};
 
-use super::support::{BakedCity, options};
+use super::support::{BakedCity, FACES, options};
 use insula_bake::{BakeOptions, GroundOption};
 use insula_protocol::{
     BlockMap,
@@ -21,8 +21,6 @@ const SLABS: [Cuboid; 4] = [
 ];
 /// Small houses so far away that there are levels above the leaves.
 const FAR: [Cuboid; 2] = [[[-70.0, -70.0, 0.0], [-64.0, -64.0, 3.0]], [[140.0, 140.0, 0.0], [146.0, 146.0, 3.0]]];
-/// Corner indices (bit 0 east, 1 north, 2 up), counter-clockwise seen from outside.
-const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
 /// World position of the zero of the formats with coordinates.
 const WORLD: [f64; 2] = [500_000.0, 5_400_000.0];
 

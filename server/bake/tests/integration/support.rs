@@ -49,20 +49,23 @@ pub(crate) fn city() -> Scene {
     ];
     for (i, [x, y, width, depth, height]) in BOXES.into_iter().enumerate() {
         let base_z_m = 1.0 + i as f32 * 0.25;
-        add_box(&mut scene, [x, y, base_z_m], [x + width, y + depth, base_z_m + height]);
         scene.objects.push(SceneObject { id: format!("box-{i}"), kind: ObjectKind::Building, base_z_m });
+        add_box(&mut scene, [x, y, base_z_m], [x + width, y + depth, base_z_m + height], [0, 1]);
     }
     scene
 }
 
-fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
+/// Corner indices of the faces of a box (bit 0 east, 1 north, 2 up), counter-clockwise seen from outside; the second is the top.
+pub(crate) const FACES: [[usize; 4]; 6] =
+    [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
+
+/// Adds a box to the last object. `materials` are those of its top and of its other faces.
+pub(crate) fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3], [top, other]: [u32; 2]) {
     let corner = |i: usize| std::array::from_fn(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
-    // Corner indices (bit 0 east, 1 north, 2 up), counter-clockwise seen from outside.
-    const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
-    let object = scene.objects.len() as u32;
+    let object = scene.objects.len() as u32 - 1;
     for (face, [a, b, c, d]) in FACES.into_iter().enumerate() {
         for corners in [[a, b, c], [a, c, d]] {
-            let material = u32::from(face != 1);
+            let material = if face == 1 { top } else { other };
             scene.triangles.push(SceneTriangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
         }
     }

@@ -1,36 +1,14 @@
 //! Tests of PLY and STL.
 
-use std::io::{self, Read};
-
 use super::read;
 use insula_source::error::InputError;
-use insula_source::input::{Input, LocalFile, SourceFiles};
+use insula_source::files::EmbeddedFiles;
+use insula_source::input::Input;
 use insula_source::object::{Shape, SourceImage, Surface, TriangleMesh};
 use insula_source::testing::TestSink;
 
-/// One file in memory.
-struct OneFile<'a>(&'a [u8]);
-
-impl SourceFiles for OneFile<'_> {
-    fn open(&self, _: &str) -> io::Result<Box<dyn Read + '_>> {
-        Ok(Box::new(self.0))
-    }
-
-    fn len(&self, _: &str) -> io::Result<u64> {
-        Ok(self.0.len() as u64)
-    }
-
-    fn on_disk(&self, _: &str) -> io::Result<LocalFile> {
-        Err(io::ErrorKind::Unsupported.into())
-    }
-
-    fn location(&self) -> String {
-        String::new()
-    }
-}
-
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TestSink, InputError> {
-    let files = OneFile(bytes);
+    let files = EmbeddedFiles { files: &[(name, bytes)] };
     let input = Input::new(name, name, &files, 1 << 20);
     let mut sink = TestSink::default();
     read(&input, &mut sink).map(|()| sink)

@@ -1,6 +1,5 @@
 //! Tests of whole tilesets, whose files are made here.
 
-use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
@@ -10,8 +9,7 @@ use super::{globe, read};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceObject};
-use insula_source::testing::TestFiles;
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestFiles, TestSink, gzip};
 
 /// A GLB with a triangle for each of `batch_ids` at `x` and up to 1 m beside: (x, 0, 0), (x + 1, 0, 0), (x, 1, 0) in glTF axes.
 fn glb(x: f32, batch_ids: &[u8]) -> Vec<u8> {
@@ -201,9 +199,7 @@ fn composites_packed_tiles_and_data_uris_are_read() {
     let tile = b3dm(&json!({"BATCH_LENGTH": 1}), &json!({"id": [7]}), &glb(0.0, &[0]));
     let points = tile_of_points();
     let composite = cmpt(&[tile.clone(), cmpt(&[tile.clone(), points])]);
-    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    packed.write_all(&composite).unwrap();
-    let packed = packed.finish().unwrap();
+    let packed = gzip(&composite);
     let data = format!("data:application/octet-stream;base64,{}", base64_of(&tile));
     let root = json!({"refine": "ADD", "content": {"uri": "c.cmpt"}, "children": [{"content": {"uri": data}}]});
     let sink = read_tileset(&root, &[("c.cmpt", &packed)]);

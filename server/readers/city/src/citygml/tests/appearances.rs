@@ -8,12 +8,6 @@ const TEXTURE: &str = r##"<app:appearanceMember><app:Appearance><app:theme>photo
 <app:textureCoordinates ring="#p1_r">0 0 1 0 1 0.5 0 0</app:textureCoordinates></app:TexCoordList></app:target></app:ParameterizedTexture>
 </app:surfaceDataMember></app:Appearance></app:appearanceMember>"##;
 
-fn building(polygon: &str) -> String {
-    member(&format!(
-        "<bldg:Building gml:id='b'><bldg:lod2MultiSurface>{polygon}</bldg:lod2MultiSurface></bldg:Building>"
-    ))
-}
-
 fn texture() -> SourceMaterial {
     let texture = SourceTexture { image: SourceImage::File("a b/c.jpg".into()), wrap: Wrap::Clamp };
     SourceMaterial { texture: Some(texture), ..SourceMaterial::default() }
@@ -22,7 +16,7 @@ fn texture() -> SourceMaterial {
 #[test]
 fn texture_after_the_objects() {
     let geometry = multi_surface(&[polygon("p1", 1), polygon("p2", 2)]);
-    let sink = read_2(&(building(&geometry) + TEXTURE));
+    let sink = read_2(&(building("b", &geometry) + TEXTURE));
     let [textured, plain] = polygons(&sink.objects[0]) else { panic!("{:?}", sink.objects) };
     assert_eq!((textured.material, &textured.uv[..]), (Some(0), &[[0.0, 0.0], [1.0, 0.0], [1.0, 0.5]][..]));
     assert_eq!((plain.material, plain.uv.len()), (None, 0));
@@ -41,7 +35,7 @@ fn texture_of_version_3_and_of_a_triangle() {
     let tin = format!(
         "<gml:TriangulatedSurface><gml:trianglePatches>{triangle}</gml:trianglePatches></gml:TriangulatedSurface>"
     );
-    let sink = read_2(&(building(&tin) + &texture));
+    let sink = read_2(&(building("b", &tin) + &texture));
     assert_eq!(polygons(&sink.objects[0])[0].uv.len(), 3, "{:?} {:?}", sink.objects, sink.problems);
 }
 
@@ -63,7 +57,7 @@ fn material_of_a_surface_and_of_its_parent() {
         "<gml:MultiSurface gml:id='m'>",
         1,
     );
-    let members = building(&geometry).replacen("<bldg:lod2", &format!("{appearance}<bldg:lod2"), 1);
+    let members = building("b", &geometry).replacen("<bldg:lod2", &format!("{appearance}<bldg:lod2"), 1);
     let sink = read_2(&members);
     let colours: Vec<_> = polygons(&sink.objects[0])
         .iter()
@@ -76,10 +70,10 @@ fn material_of_a_surface_and_of_its_parent() {
 #[test]
 fn misfits_are_problems_and_leave_the_surface() {
     let short = TEXTURE.replace("0 0 1 0 1 0.5 0 0", "0 0 1 0");
-    let sink = read_2(&(building(&multi_surface(&[polygon("p1", 1)])) + &short));
+    let sink = read_2(&(building("b", &multi_surface(&[polygon("p1", 1)])) + &short));
     assert_eq!((polygons(&sink.objects[0])[0].material, polygons(&sink.objects[0])[0].uv.len()), (None, 0));
     assert_eq!(sink.problems, [("texture coordinates do not fit the ring", "b".into())]);
     let matrix = TEXTURE.replace("TexCoordList", "TexCoordGen");
-    let sink = read_2(&(building(&multi_surface(&[polygon("p1", 1)])) + &matrix));
+    let sink = read_2(&(building("b", &multi_surface(&[polygon("p1", 1)])) + &matrix));
     assert_eq!(sink.problems, [("texture coordinates by a matrix not read", "a%20b\\c.jpg".into())]);
 }

@@ -79,8 +79,8 @@ fn codes_become_names_by_their_codelist() {
         usage("http://www.sig3d.org/codelists/u.xml", 411),
     );
     let file = format!("{HEAD_2}{}{TAIL}", member(&building));
-    let files = vec![("udx/bldg/a.gml", file.as_bytes()), ("codelists/u.xml", list.as_bytes())];
-    let (sink, result) = read_files("udx/bldg/a.gml", files);
+    let files = [("udx/bldg/a.gml", file.as_bytes()), ("codelists/u.xml", list.as_bytes())];
+    let (sink, result) = read_files("udx/bldg/a.gml", &files);
     result.unwrap();
     let values: Vec<_> = sink.objects[0].attributes.iter().map(|(_, value)| value.clone()).collect();
     assert_eq!(values, [text("住宅"), text("412"), text("411"), text("411")]);

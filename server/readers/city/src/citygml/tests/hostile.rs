@@ -2,12 +2,6 @@
 
 use super::*;
 
-fn building(id: &str, geometry: &str) -> String {
-    member(&format!(
-        "<bldg:Building gml:id='{id}'><bldg:lod2MultiSurface>{geometry}</bldg:lod2MultiSurface></bldg:Building>"
-    ))
-}
-
 #[test]
 fn every_truncation_is_an_error_and_keeps_whole_objects() {
     let reference = r##"<gml:MultiSurface><gml:surfaceMember xlink:href="#p1"/></gml:MultiSurface>"##;

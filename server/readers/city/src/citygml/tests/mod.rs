@@ -5,13 +5,12 @@ mod attributes;
 mod geometry;
 mod hostile;
 
-use std::io::{self, Read};
-
 use super::read;
 use insula_source::error::InputError;
-use insula_source::input::{Input, LocalFile, SourceFiles};
+use insula_source::files::EmbeddedFiles;
+use insula_source::input::Input;
 use insula_source::object::{Shape, SourceObject, Surface};
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestSink, gzip};
 
 /// Start of a file of CityGML 2.0, up to its objects.
 const HEAD_2: &str = r##"<?xml version="1.0" encoding="UTF-8"?>
@@ -24,35 +23,8 @@ const HEAD_2: &str = r##"<?xml version="1.0" encoding="UTF-8"?>
  xmlns:xlink="http://www.w3.org/1999/xlink">"##;
 const TAIL: &str = "</core:CityModel>";
 
-/// Files in memory.
-struct MemoryFiles<'f>(Vec<(&'f str, &'f [u8])>);
-
-impl MemoryFiles<'_> {
-    fn find(&self, name: &str) -> io::Result<&[u8]> {
-        self.0.iter().find(|(known, _)| *known == name).map(|(_, bytes)| *bytes).ok_or(io::ErrorKind::NotFound.into())
-    }
-}
-
-impl SourceFiles for MemoryFiles<'_> {
-    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
-        Ok(Box::new(self.find(name)?))
-    }
-
-    fn len(&self, name: &str) -> io::Result<u64> {
-        Ok(self.find(name)?.len() as u64)
-    }
-
-    fn on_disk(&self, _name: &str) -> io::Result<LocalFile> {
-        Err(io::ErrorKind::Unsupported.into())
-    }
-
-    fn location(&self) -> String {
-        String::new()
-    }
-}
-
-fn read_files(name: &str, files: Vec<(&str, &[u8])>) -> (TestSink, Result<(), InputError>) {
-    let files = MemoryFiles(files);
+fn read_files(name: &str, files: &[(&str, &[u8])]) -> (TestSink, Result<(), InputError>) {
+    let files = EmbeddedFiles { files };
     let input = Input::new(name, name, &files, 1 << 30);
     let mut sink = TestSink::default();
     let result = read(&input, &mut sink);
@@ -60,7 +32,7 @@ fn read_files(name: &str, files: Vec<(&str, &[u8])>) -> (TestSink, Result<(), In
 }
 
 fn read_bytes(bytes: &[u8]) -> (TestSink, Result<(), InputError>) {
-    read_files("a.gml", vec![("a.gml", bytes)])
+    read_files("a.gml", &[("a.gml", bytes)])
 }
 
 /// Reads the members of a model of CityGML 2.0.
@@ -73,6 +45,12 @@ fn read_2(members: &str) -> TestSink {
 /// Reads the content of one building of CityGML 2.0.
 fn read_building(content: &str) -> TestSink {
     read_2(&member(&format!(r#"<bldg:Building gml:id="b">{content}</bldg:Building>"#)))
+}
+
+fn building(id: &str, geometry: &str) -> String {
+    member(&format!(
+        "<bldg:Building gml:id='{id}'><bldg:lod2MultiSurface>{geometry}</bldg:lod2MultiSurface></bldg:Building>"
+    ))
 }
 
 fn member(object: &str) -> String {
@@ -132,7 +110,6 @@ fn corners(object: &SourceObject) -> Vec<f64> {
 
 #[test]
 fn reads_gzip_and_reports_progress() {
-    use std::io::Write;
     let text = format!(
         "{HEAD_2}{}{TAIL}",
         member(&format!(
@@ -140,10 +117,7 @@ fn reads_gzip_and_reports_progress() {
             solid(&[polygon("p", 3)])
         ))
     );
-    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    packed.write_all(text.as_bytes()).unwrap();
-    let packed = packed.finish().unwrap();
-    let (sink, result) = read_files("a.gml.gz", vec![("a.gml.gz", &packed)]);
+    let (sink, result) = read_files("a.gml.gz", &[("a.gml.gz", &gzip(text.as_bytes()))]);
     result.unwrap();
     assert_eq!(sink.objects.len(), 1);
     assert_eq!(sink.objects[0].id, "Building 1");

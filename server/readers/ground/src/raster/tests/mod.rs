@@ -41,7 +41,7 @@ fn colours(bytes: &[u8]) -> Vec<[u8; 4]> {
 }
 
 /// Equal, with NaN equal to NaN.
-fn assert_heights(actual: &[f32], expected: &[f32]) {
+pub(super) fn assert_heights(actual: &[f32], expected: &[f32]) {
     let is_equal = |(a, b): (&f32, &f32)| a == b || a.is_nan() && b.is_nan();
     let are_equal = actual.len() == expected.len() && actual.iter().zip(expected).all(is_equal);
     assert!(are_equal, "{actual:?} is not {expected:?}");

@@ -13,6 +13,7 @@ use std::io::Cursor;
 use super::super::error::RasterError;
 use super::super::facts::{RasterFacts, RasterLimits, Window};
 use super::super::source::Source;
+use super::super::tests::assert_heights;
 use super::PointCloud;
 
 const LIMITS: RasterLimits = RasterLimits {
@@ -42,11 +43,4 @@ fn read(bytes: &[u8]) -> (RasterFacts, Vec<f32>) {
 
 fn heights(bytes: &[u8]) -> Vec<f32> {
     read(bytes).1
-}
-
-/// Equal, with NaN equal to NaN.
-fn assert_heights(actual: &[f32], expected: &[f32]) {
-    let is_equal = |(a, b): (&f32, &f32)| a == b || a.is_nan() && b.is_nan();
-    let are_equal = actual.len() == expected.len() && actual.iter().zip(expected).all(is_equal);
-    assert!(are_equal, "{actual:?} is not {expected:?}");
 }

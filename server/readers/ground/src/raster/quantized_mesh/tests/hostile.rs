@@ -4,7 +4,8 @@ use std::panic::catch_unwind;
 
 use super::super::super::facts::Window;
 use super::super::mesh::read_triangles;
-use super::writer::{LAYER, Terrain, Tile, packed};
+use super::writer::{LAYER, Terrain, Tile};
+use insula_source::testing::gzip;
 use super::{Random, RasterError, RasterLimits};
 
 const MAX_BYTES: u64 = 1 << 20;
@@ -85,7 +86,7 @@ fn tiles_that_end_early_are_refused() {
     for length in 0..bytes.len() {
         assert_eq!(is_damaged(&bytes[..length]), length < end, "{length} bytes");
     }
-    let packed = packed(&bytes);
+    let packed = gzip(&bytes);
     for length in 0..packed.len() {
         assert!(is_damaged(&packed[..length]), "{length} packed bytes");
     }
@@ -95,10 +96,10 @@ fn tiles_that_end_early_are_refused() {
 fn a_tile_is_not_unpacked_beyond_the_limit() {
     let mut bytes = Tile::flat(1.0).bytes();
     bytes.resize(1000, 0);
-    let tile = packed(&bytes);
+    let tile = gzip(&bytes);
     assert!(read_triangles(&tile, 1000).is_ok());
     assert!(matches!(read_triangles(&tile, 999), Err(RasterError::TooLarge { limit: 999, .. })));
-    assert!(matches!(read_triangles(&packed(&vec![0; 1 << 24]), MAX_BYTES), Err(RasterError::TooLarge { .. })));
+    assert!(matches!(read_triangles(&gzip(&vec![0; 1 << 24]), MAX_BYTES), Err(RasterError::TooLarge { .. })));
 }
 
 #[test]
@@ -158,7 +159,7 @@ fn damaged_tiles_do_not_panic() {
                 _ => drop(bytes.splice(at..at, (0..random.below(5)).map(|byte| byte as u8)).collect::<Vec<_>>()),
             }
         }
-        let bytes = if round % 5 == 0 { packed(&bytes) } else { bytes };
+        let bytes = if round % 5 == 0 { gzip(&bytes) } else { bytes };
         let terrain = Terrain::default().with_bytes("5/2/2.terrain", &bytes).with("4/1/1.terrain", &Tile::flat(7.0));
         let result = catch_unwind(|| {
             let (mut mesh, facts) = terrain.open(LAYER).unwrap();

@@ -4,7 +4,8 @@ mod hostile;
 mod layers;
 mod writer;
 
-use self::writer::{LAYER, Terrain, Tile, packed};
+use self::writer::{LAYER, Terrain, Tile};
+use insula_source::testing::gzip;
 use super::super::facts::{RasterLimits, Window};
 use super::RasterError;
 
@@ -149,7 +150,7 @@ fn indices_have_32_bits_for_more_than_65536_vertices() {
 
 #[test]
 fn packed_tiles_are_read() {
-    let bytes = packed(&Tile::flat(4.0).bytes());
+    let bytes = gzip(&Tile::flat(4.0).bytes());
     assert_eq!(Terrain::default().with_bytes("2/0/0.terrain", &bytes).heights(LAYER)[0][0], 4.0);
 }
 

@@ -1,10 +1,7 @@
 //! Writes tiles and terrains in memory.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
+use std::io;
 
 use super::super::super::facts::{RasterFacts, RasterLimits, Window};
 use super::super::{QuantizedMesh, RasterError, TileFiles};
@@ -79,12 +76,6 @@ impl Tile {
         }
         (order, codes)
     }
-}
-
-pub(super) fn packed(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
 }
 
 /// Files in memory. A file without bytes cannot be read.
