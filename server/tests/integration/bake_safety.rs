@@ -2,11 +2,12 @@
 //! elsewhere.
 
 use flate2::{Compression, write::GzEncoder};
+use insula_test_support::folder::tree;
 use serde_json::{Value, json};
 use std::{
     fs,
     io::Write,
-    path::{Path, PathBuf},
+    path::PathBuf,
     process::{Command, Output},
 };
 use tempfile::TempDir;
@@ -61,21 +62,6 @@ fn one_error(what: &str, output: &Output) -> String {
     let lines: Vec<&str> = text.lines().filter(is_other).collect();
     assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{what}: {text:?}");
     lines[0].to_owned()
-}
-
-/// Every file below a folder with its content.
-fn tree(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
-        if entry.file_type().unwrap().is_dir() {
-            found.push((entry.path(), Vec::new()));
-            found.extend(tree(&entry.path()));
-        } else {
-            found.push((entry.path(), fs::read(entry.path()).unwrap()));
-        }
-    }
-    found.sort();
-    found
 }
 
 /// A CityJSON document.
@@ -354,7 +340,7 @@ fn version_tells_a_city_whose_files_are_of_two_bakes() {
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(1) && error.contains("another version of the city"), "{error}");
     place.succeeds("bake a.city.json --out a --cell 4 --update");
-    let names = |folder: &str| tree(&place.path(folder)).into_iter().map(|(_, bytes)| bytes).collect::<Vec<_>>();
+    let names = |folder: &str| tree(&place.path(folder)).into_values().collect::<Vec<_>>();
     assert!(names("a") == names("expected/a"), "an update does not reuse such a city");
 }
 

@@ -1,6 +1,9 @@
 //! The search of objects: by HTTP with and without tokens and share links, by the command line, and after a replacement.
 
-use crate::test_server::{TestServer, assert_problem, replace_city};
+use crate::{
+    test_server::{TestServer, assert_problem, replace_city},
+    web_pages::share_query,
+};
 use insula_archive::city::SEARCH_FILE;
 use insula_objects::{FeatureKind, ObjectRecord, Schema, block, search::SearchIndexBuilder};
 use insula_protocol::{
@@ -156,14 +159,6 @@ async fn invalid_searches_are_problems() {
     server.stop().await;
 }
 
-/// The query of a share link by `insula-server sign`.
-fn sign(keys: &Path, args: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
-    let command = command.args(["sign", "--city", "two", "--expires", "1h", "--keys"]).arg(keys).args(args);
-    let link = String::from_utf8(command.output().unwrap().stdout).unwrap();
-    link.trim_end().split_once('?').unwrap().1.to_owned()
-}
-
 #[tokio::test]
 async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -181,14 +176,14 @@ async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
     let response = server.get(&address("q=kerk"), TOKEN).await;
     assert_eq!(hits(&response)[0]["object"], 0);
     assert!(response.contains("cache-control: private, max-age=31536000, immutable\r\n"), "{response}");
-    let get = async |args: &[&str]| server.get(&address(&format!("q=kerk&{}", sign(&keys, args))), "").await;
+    let get = async |args: &[&str]| server.get(&address(&format!("q=kerk&{}", share_query(&keys, args))), "").await;
     for args in [&[][..], &["--read-only"], &["--version", "0123*"]] {
         assert_eq!(hits(&get(args).await)[0]["object"], 0, "{args:?}");
     }
     let filter = |link: &str| format!("{}?expr=height+%3E+0&{link}", route::filter("two", small_city::VERSION));
-    assert!(server.get(&filter(&sign(&keys, &[])), "").await.starts_with("HTTP/1.1 200"));
+    assert!(server.get(&filter(&share_query(&keys, &[])), "").await.starts_with("HTTP/1.1 200"));
     // A read-only link opens searches and tiles only, also of objects.
-    let link = sign(&keys, &["--read-only"]);
+    let link = share_query(&keys, &["--read-only"]);
     assert_problem(&server.get(&filter(&link), "").await, 404);
     let schema = format!("/v1/cities/two/{}/objects/schema", small_city::VERSION);
     for link in [link.replace('~', "%7E").replace('.', "%2E"), link] {

@@ -1,6 +1,10 @@
 //! Temporary folders.
 
-use std::{fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// An empty folder, removed when dropped.
 pub struct TestFolder {
@@ -21,4 +25,17 @@ impl Drop for TestFolder {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.path);
     }
+}
+
+/// All files and folders below a folder, links not followed, with the content of files.
+pub fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let kind = entry.file_type().unwrap();
+        found.insert(entry.path(), if kind.is_file() { fs::read(entry.path()).unwrap() } else { Vec::new() });
+        if kind.is_dir() {
+            found.extend(tree(&entry.path()));
+        }
+    }
+    found
 }

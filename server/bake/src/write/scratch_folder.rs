@@ -186,7 +186,7 @@ impl Drop for ScratchFolder {
 mod tests {
     use super::*;
     use insula_protocol::manifest::{FORMAT_VERSION, Manifest};
-    use insula_test_support::folder::TestFolder;
+    use insula_test_support::folder::{TestFolder, tree};
 
     fn input(scene: &str) -> InputHashes {
         InputHashes { settings: "s".into(), scene: scene.into() }
@@ -264,20 +264,6 @@ mod tests {
         assert!(matches!(error, BakeError::Out { .. }), "{error}");
         assert_eq!(tree(folder), before, "{error}");
         error.to_string()
-    }
-
-    /// Every path below a folder, links not followed, with the length of files.
-    fn tree(folder: &Path) -> Vec<(PathBuf, u64)> {
-        let mut found = Vec::new();
-        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
-            let kind = entry.file_type().unwrap();
-            found.push((entry.path(), if kind.is_file() { entry.metadata().unwrap().len() } else { 0 }));
-            if kind.is_dir() {
-                found.extend(tree(&entry.path()));
-            }
-        }
-        found.sort();
-        found
     }
 
     #[test]
