@@ -1,7 +1,8 @@
 //! The looks that an office gives its pages: name, logo, colour, imprint and first views.
 
-use super::{SITE_TITLE, base64::base64, html::escape_html};
+use super::{SITE_TITLE, html::escape_html};
 use crate::config::SiteConfig;
+use base64::{Engine, engine::general_purpose::STANDARD};
 use insula_archive::file::read_limited;
 use std::{
     collections::BTreeMap,
@@ -30,7 +31,7 @@ impl Brand {
         let read = |path: &std::path::PathBuf| {
             let bytes = read_limited(path, MAX_LOGO_BYTES)?;
             let media = media_of(&bytes).ok_or_else(|| io::Error::other("not an SVG, PNG, JPEG or WebP file"))?;
-            Ok::<_, io::Error>(format!("data:{media};base64,{}", base64(&bytes)))
+            Ok::<_, io::Error>(format!("data:{media};base64,{}", STANDARD.encode(&bytes)))
         };
         let logo = site.logo.as_ref().map(read).transpose()?;
         let proposals = site.proposals.as_deref().map(folders_in).transpose().unwrap_or_else(|error| {

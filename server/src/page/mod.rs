@@ -4,7 +4,6 @@
 
 mod about;
 mod assets;
-mod base64;
 mod brand;
 mod city_page;
 mod html;

@@ -1,6 +1,7 @@
 //! The Content-Security-Policy of pages.
 
-use super::{base64::base64, list_page::STYLE};
+use super::list_page::STYLE;
+use base64::{Engine, engine::general_purpose::STANDARD};
 use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 
@@ -19,7 +20,7 @@ pub(crate) fn viewer_policy() -> &'static str {
 /// The policy of lists: no scripts, and the one style that they have.
 pub(crate) fn list_policy() -> &'static str {
     static POLICY: LazyLock<String> = LazyLock::new(|| {
-        let hash = base64(&Sha256::digest(STYLE.as_bytes()));
+        let hash = STANDARD.encode(Sha256::digest(STYLE.as_bytes()));
         format!(
             "default-src 'none'; style-src 'sha256-{hash}'; img-src 'self' data:; manifest-src 'self'; base-uri 'none'; \
              form-action 'none'{FRAMES}"
