@@ -22,7 +22,7 @@ mod scene;
 mod schema;
 mod source;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod triangles;
 mod uri;
 mod version1;

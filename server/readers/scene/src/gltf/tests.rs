@@ -1,6 +1,6 @@
 //! Tests of the whole reader on small documents made here.
 
-mod document;
+pub(crate) mod document;
 mod hostile;
 mod source;
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::{globe, read};
+use crate::gltf::tests::document::Document;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceObject};
@@ -29,26 +30,13 @@ fn glb(x: f32, batch_ids: &[u8]) -> Vec<u8> {
             {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3", "min": [x, 0, 0], "max": [x + 1.0, 1, 0]},
             {"bufferView": 1, "componentType": 5121, "count": count, "type": "SCALAR"}
         ],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": positions.len()},
-            {"buffer": 0, "byteOffset": positions.len(), "byteLength": ids.len(), "byteStride": 4}
-        ],
-        "buffers": [{"byteLength": positions.len() + ids.len()}]
+        "bufferViews": [], "buffers": [{}]
     });
-    let mut text = json.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    positions.extend(ids);
-    let length = 28 + text.len() + positions.len();
-    let mut bytes = b"glTF".to_vec();
-    for number in [2, length as u32, text.len() as u32] {
-        bytes.extend(number.to_le_bytes());
-    }
-    bytes.extend(b"JSON");
-    bytes.extend(text);
-    bytes.extend((positions.len() as u32).to_le_bytes());
-    bytes.extend(b"BIN\0");
-    bytes.extend(positions);
-    bytes
+    let mut document = Document { json, buffer: Vec::new() };
+    document.add_view(&positions);
+    let view = document.add_view(&ids);
+    document.json["bufferViews"][view]["byteStride"] = 4.into();
+    document.glb()
 }
 
 /// A tile with tables; `more` are the numbers between them and the header's end.

@@ -14,9 +14,9 @@ pub(super) const OPTIONS: GltfOptions = GltfOptions { max_bytes: 1 << 20, max_ve
 
 /// JSON, and the content of its only buffer.
 #[derive(Clone)]
-pub(super) struct Document {
-    pub(super) json: Value,
-    pub(super) buffer: Vec<u8>,
+pub(crate) struct Document {
+    pub(crate) json: Value,
+    pub(crate) buffer: Vec<u8>,
 }
 
 impl Document {
@@ -35,7 +35,7 @@ impl Document {
     }
 
     /// Adds bytes, and returns the number of their buffer view.
-    pub(super) fn add_view(&mut self, bytes: &[u8]) -> usize {
+    pub(crate) fn add_view(&mut self, bytes: &[u8]) -> usize {
         self.buffer.resize(self.buffer.len().next_multiple_of(4), 0);
         let view = json!({"buffer": 0, "byteOffset": self.buffer.len(), "byteLength": bytes.len()});
         self.buffer.extend(bytes);
@@ -46,7 +46,7 @@ impl Document {
         push(&mut self.json["accessors"], accessor)
     }
 
-    pub(super) fn glb(&self) -> Vec<u8> {
+    pub(crate) fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"][0]["byteLength"] = self.buffer.len().into();
         let mut text = json.to_string().into_bytes();
