@@ -121,12 +121,35 @@ pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>, read: Vec
     outputs.file(path, kind).map_err(CommandError::Usage)
 }
 
-/// Whether a folder has what an earlier run may have written there.
+/// Whether a folder has what an earlier run may have written there: files such as `0001-bench.png`.
 fn has_pictures_only(folder: &Path) -> bool {
+    let is_name = |name: &str| {
+        let number = name.split_once('-').map(|(number, _)| number).unwrap_or_default();
+        number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()) && name.ends_with(".png")
+    };
     let is_picture = |entry: std::io::Result<std::fs::DirEntry>| {
         entry.is_ok_and(|entry| {
-            entry.file_type().is_ok_and(|kind| kind.is_file()) && has_extension(&entry.path(), "png")
+            entry.file_type().is_ok_and(|kind| kind.is_file()) && entry.file_name().to_str().is_some_and(is_name)
         })
     };
     folder.read_dir().is_ok_and(|mut entries| entries.all(is_picture))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_other_pictures_is_none_of_evidence() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str| std::fs::write(folder.path().join(name), "").unwrap();
+        assert!(has_pictures_only(folder.path()));
+        ["0001-bench.png", "12345-a-b.png"].into_iter().for_each(write);
+        assert!(has_pictures_only(folder.path()));
+        for name in ["IMG_1234.png", "1-a.png", "0001-a.jpg", "notes.txt"] {
+            write(name);
+            assert!(!has_pictures_only(folder.path()), "{name}");
+            std::fs::remove_file(folder.path().join(name)).unwrap();
+        }
+    }
 }

@@ -100,17 +100,13 @@ fn credit(source: &dyn ExportSource) -> String {
     if attribution.is_empty() { title.clone() } else { format!("{title}: {attribution}") }
 }
 
-/// Writes a picture of each point that has a place, and returns how many. Fails if there are too many, or if one cannot be written.
+/// Writes a picture of each point that has a place, and returns how many. Fails if one cannot be written.
 fn write_pictures(
     evidence: &Evidence<'_>,
     points: &[Point],
     suns: &[Option<PointSun>],
     folder: &Path,
 ) -> Result<usize, CommandError> {
-    if points.len() > MAX_PICTURES {
-        let reason = format!("--evidence: {} points, of which {MAX_PICTURES} fit in one run", points.len());
-        return Err(CommandError::Usage(reason));
-    }
     let failed = |error: &dyn std::fmt::Display, path: &Path| CommandError::Write {
         path: path.to_owned(),
         reason: error.to_string(),
@@ -145,6 +141,10 @@ pub(super) fn sun_at(
 ) -> Result<(), CommandError> {
     let rule = rule(args)?;
     let points = read_points("--points", path, place)?;
+    if args.evidence.is_some() && points.len() > MAX_PICTURES {
+        let reason = format!("--evidence: {} points, of which {MAX_PICTURES} fit in one run", points.len());
+        return Err(CommandError::Usage(reason));
+    }
     let site = site_of(source)?;
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
     let (city, ground) = city_at(source, &points, around(&points, args.reach), after).map_err(failed)?;
