@@ -113,7 +113,9 @@ impl InputError {
         let (folder, name) = path.split_at(path.rfind('/').map_or(0, |slash| slash + 1));
         let out = format!("{folder}utf8-{name}");
         let [from, to] = [path, &out].map(shell_word);
-        let advice = format!("convert it with: iconv -f WINDOWS-1252 -t UTF-8 {from} > {to}");
+        let encodings = "WINDOWS-1252 in western Europe, SHIFT_JIS in Japan, GBK in China";
+        let advice =
+            format!("convert it from its encoding ({encodings}): iconv -f WINDOWS-1252 -t UTF-8 {from} > {to}");
         Self::NotRead { path: path.to_owned(), format: "JSON that is not in UTF-8", advice }
     }
 

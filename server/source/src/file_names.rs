@@ -13,6 +13,8 @@ fn code_pages() -> [&'static Encoding; 9] {
 
 /// Number of the code pages that are guessed: those of East Asia.
 const GUESSED: usize = 4;
+/// Letters of East Asia for each other sign beyond ASCII that may stand between them, such as a number in a circle.
+const PER_OTHER: usize = 8;
 
 /// The same for names that differ in case or Unicode normal form only.
 pub fn key(name: &str) -> String {
@@ -26,15 +28,18 @@ pub fn percent_decoded(text: &str) -> String {
 
 /// The name that bytes most likely mean; `None` if they may be of any western code page.
 pub fn guess(raw: &[u8]) -> Option<String> {
-    if let Ok(name) = std::str::from_utf8(raw) {
-        return Some(name.to_owned());
+    match std::str::from_utf8(raw) {
+        Ok(name) => Some(name.to_owned()),
+        Err(_) => decode(east_asian_page(raw)?, raw),
     }
+}
+
+/// The code page of East Asia that bytes are most likely in that are no UTF-8; `None` if they may be of any western one.
+pub(crate) fn east_asian_page(raw: &[u8]) -> Option<&'static Encoding> {
     // Letters with accents stand alone between others; those of East Asia have two bytes each.
     let has_pairs = raw.windows(2).any(|pair| !pair[0].is_ascii() && !pair[1].is_ascii());
-    if !has_pairs {
-        return None;
-    }
-    code_pages().into_iter().take(GUESSED).filter_map(|page| decode(page, raw)).find(|name| is_east_asian(name))
+    let is_likely = |page: &&'static Encoding| decode(page, raw).is_some_and(|text| is_east_asian(&text));
+    code_pages().into_iter().take(GUESSED).find(is_likely).filter(|_| has_pairs)
 }
 
 /// All names that bytes can mean.
@@ -52,15 +57,15 @@ fn decode(page: &'static Encoding, raw: &[u8]) -> Option<String> {
 fn is_east_asian(name: &str) -> bool {
     let is_half = |c: char| ('\u{ff61}'..='\u{ffdc}').contains(&c);
     let is_full = |c: char| matches!(c, '\u{3000}'..='\u{9fff}' | '\u{ac00}'..='\u{d7af}' | '\u{ff01}'..='\u{ff60}');
-    let (mut half, mut full) = (0, 0);
+    let (mut half, mut full, mut others) = (0, 0, 0);
     for c in name.chars().filter(|c| !c.is_ascii()) {
         match c {
             c if is_half(c) => half += 1,
             c if is_full(c) => full += 1,
-            _ => return false,
+            _ => others += 1,
         }
     }
-    full > half
+    full > half && full >= PER_OTHER * others
 }
 
 #[cfg(test)]

@@ -59,8 +59,8 @@ pub const DAMAGED_ATTRIBUTES: &str = "damaged attributes";
 pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
 /// It is none of features that may be read.
 pub const NO_TABLE: &str = "view, virtual or missing table not read";
-/// Kind of the problem that texts are in an encoding that nothing tells, and hardly in the one that is guessed.
-pub const ENCODING_GUESSED: &str = "encoding of texts guessed as Windows-1252, although they look like another";
+/// Kind of the problem that texts are in an encoding that nothing tells.
+pub const ENCODING_GUESSED: &str = "encoding of texts guessed";
 /// Kind of the problem that a picture from above has nothing to lie on.
 pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 /// Kind of the problem that it is of another place.

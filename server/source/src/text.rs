@@ -1,9 +1,11 @@
 //! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write; and lists of words in sources.
 
+use std::borrow::Cow;
 use std::io::{self, BufRead, Cursor, Read};
 
-use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE};
+use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
+use super::file_names::east_asian_page;
 use super::packed::unpacked_name;
 use crate::error::InputError;
 
@@ -121,6 +123,38 @@ pub fn read_declaration(label: &str, inner: &mut dyn BufRead) -> Result<(Vec<u8>
     Ok((head, encoding))
 }
 
+/// The encoding of a text that does not tell it, by its beginning: UTF-8, one of East Asia, or else Windows-1252.
+pub fn likely_encoding(head: &[u8]) -> &'static Encoding {
+    // The last line may be cut within a letter.
+    let whole = head.iter().rposition(|byte| *byte == b'\n').map_or(head, |end| &head[..end]);
+    if std::str::from_utf8(whole).is_ok() {
+        return UTF_8;
+    }
+    // Two letters of Finnish may be one of Chinese.
+    east_asian_page(whole).filter(|_| is_hardly_western(whole)).unwrap_or(WINDOWS_1252)
+}
+
+/// A part of a text in an encoding that is likely. One that is likely in UTF-8 may have parts in Windows-1252, and the other way around.
+pub fn decoded<'t>(bytes: &'t [u8], encoding: &'static Encoding) -> Cow<'t, str> {
+    let is_east_asian = encoding != UTF_8 && encoding != WINDOWS_1252;
+    match std::str::from_utf8(bytes) {
+        Ok(text) if !is_east_asian || text.is_ascii() => text.into(),
+        _ if is_east_asian => encoding.decode_without_bom_handling(bytes).0,
+        _ => WINDOWS_1252.decode_without_bom_handling(bytes).0,
+    }
+}
+
+/// A line of a text that does not tell its encoding. Equal bytes give equal letters.
+pub fn decoded_line(line: &[u8]) -> Cow<'_, str> {
+    decoded(line, likely_encoding(line))
+}
+
+/// Whether bytes that are no UTF-8 are hardly Windows-1252 either. No language of that encoding has four letters beyond ASCII in a row.
+pub fn is_hardly_western(bytes: &[u8]) -> bool {
+    std::str::from_utf8(bytes).is_err_and(|fault| fault.error_len().is_some())
+        && bytes.windows(4).any(|letters| letters.iter().all(|byte| *byte >= 0x80))
+}
+
 /// The encoding that `<?xml ... encoding="..."?>` names.
 fn declared_encoding(head: &[u8]) -> Option<String> {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
@@ -225,6 +259,22 @@ mod tests {
         for short in [&b""[..], b"{", b"\xff", b"\xef\xbb"] {
             assert_eq!(read("a.json", short), short);
         }
+    }
+
+    #[test]
+    fn texts_of_unknown_encodings_are_guessed_by_their_beginning() {
+        let table = "名称,高さ,備考\n市役所庁舎,12,①\n東京都庁第一本庁舎,243,\n表";
+        let (bytes, ..) = encoding_rs::SHIFT_JIS.encode(table);
+        let encoding = likely_encoding(&bytes[..bytes.len() - 1]);
+        assert_eq!(encoding, encoding_rs::SHIFT_JIS);
+        assert_eq!(decoded(&bytes, encoding), table);
+        assert_eq!(likely_encoding("höhe;Köln\n建".as_bytes()), UTF_8);
+        let western = b"h\xf6he;Stra\xdfe\n";
+        assert_eq!((likely_encoding(western), decoded_line(western).as_ref()), (WINDOWS_1252, "höhe;Straße\n"));
+        assert_eq!(decoded(b"K\xf6ln", UTF_8), "Köln", "a later line than the first ones");
+        assert_eq!(decoded_line(b"usemtl p\xe4\xe4ovi").as_ref(), "usemtl pääovi");
+        let (russian, ..) = encoding_rs::WINDOWS_1251.encode("высота");
+        assert!(is_hardly_western(&russian) && !is_hardly_western(western) && !is_hardly_western("высота".as_bytes()));
     }
 
     #[test]

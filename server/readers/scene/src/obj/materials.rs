@@ -73,7 +73,7 @@ fn read_libraries(input: &Input<'_>, file: &ObjFile, sink: &mut dyn ObjectSink) 
         // The argument is one name with blanks, or several names: the one that exists decides.
         let error = match read(argument) {
             Ok(bytes) => {
-                mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials);
+                mtl::parse(&bytes, &mut materials);
                 continue;
             }
             Err(error) => error,
@@ -84,7 +84,7 @@ fn read_libraries(input: &Input<'_>, file: &ObjFile, sink: &mut dyn ObjectSink) 
         }
         for name in names {
             match read(name) {
-                Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
+                Ok(bytes) => mtl::parse(&bytes, &mut materials),
                 Err(error) => sink.problem(LIBRARY_MISSING, format!("{name}: {error}")),
             }
         }

@@ -2,6 +2,8 @@
 
 use std::{collections::HashMap, ops::RangeInclusive};
 
+use insula_source::text::{decoded, decoded_line, likely_encoding};
+
 /// Options of `map_Kd` and their number of arguments.
 const MAP_OPTIONS: &[(&str, usize)] = &[
     ("-blendu", 1),
@@ -50,20 +52,23 @@ impl MtlMaterial {
     }
 }
 
-/// Adds the materials of a library. Of several materials with one name, the first is used.
-pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
+/// Adds the materials of a library. Of several materials with one name, the first is used. Names of materials are decoded line by line, as
+/// those of the model, to be equal.
+pub(super) fn parse(library: &[u8], materials: &mut HashMap<String, MtlMaterial>) {
     let mut current: Option<(String, MtlMaterial)> = None;
-    for line in text.lines() {
-        let line = line.trim();
-        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        let rest = rest.trim();
+    let encoding = likely_encoding(library);
+    for bytes in library.split(|byte| *byte == b'\n') {
+        let line = decoded_line(bytes);
+        let (word, rest) = split_word(&line);
         match (word.to_ascii_lowercase().as_str(), &mut current) {
             ("newmtl", _) => {
                 insert_first(current.take(), materials);
                 current = Some((rest.to_owned(), MtlMaterial::default()));
             }
             ("kd", Some((_, material))) => material.diffuse = parse_colour(rest),
-            ("map_kd", Some((_, material))) => material.texture = parse_texture(rest),
+            ("map_kd", Some((_, material))) => {
+                material.texture = parse_texture(split_word(&decoded(bytes, encoding)).1);
+            }
             ("d", Some((_, material))) => material.dissolve = rest.parse().ok(),
             ("ni", Some((_, material))) => material.refraction = rest.parse().ok(),
             ("illum", Some((_, material))) => material.model = rest.parse().ok(),
@@ -71,6 +76,12 @@ pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
         }
     }
     insert_first(current, materials);
+}
+
+/// The first word of a line, and what follows it.
+fn split_word(line: &str) -> (&str, &str) {
+    let line = line.trim();
+    line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
 fn insert_first(material: Option<(String, MtlMaterial)>, materials: &mut HashMap<String, MtlMaterial>) {
@@ -117,21 +128,33 @@ mod tests {
         let text = "Kd 9 9 9\nnewmtl a\n  Kd 0.5 0.25 1\nmap_Kd -s 1 1 1 -clamp on my wall.jpg\n\
                     newmtl b c\nKd .5\nnewmtl a\nKd 0 0 0\nnewmtl d\nKd x\nmap_Kd -s 2 wall.jpg\nmap_Ka no.jpg";
         let mut materials = HashMap::new();
-        parse(text, &mut materials);
+        parse(text.as_bytes(), &mut materials);
         assert_eq!(materials["a"].diffuse, Some([0.5, 0.25, 1.0]));
         assert_eq!(materials["a"].texture.as_deref(), Some("my wall.jpg"));
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
         assert_eq!(materials["d"], MtlMaterial { texture: Some("wall.jpg".to_owned()), ..MtlMaterial::default() });
         assert_eq!(materials.len(), 3);
-        parse("NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
+        parse(b"NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
         assert_eq!((materials["e"].diffuse, materials["e"].texture.as_deref()), (Some([1.0, 0.0, 0.0]), Some("e.png")));
+    }
+
+    #[test]
+    fn names_in_other_encodings_stay_apart() {
+        // 壁, 床 and 建物 in Shift-JIS.
+        let library = b"newmtl \x95\xc7\nKd 1 0 0\nnewmtl \x8f\xb0\nKd 0 1 0\nmap_Kd \x8c\x9a\x95\xa8/\x95\xc7.png";
+        let mut materials = HashMap::new();
+        parse(library, &mut materials);
+        assert_eq!(
+            (materials.len(), materials[&*decoded_line(b"\x8f\xb0")].texture.as_deref()),
+            (2, Some("建物/壁.png"))
+        );
     }
 
     #[test]
     fn glass_is_known_by_transparency_or_refraction() {
         let is_glass = |lines: &str| {
             let mut materials = HashMap::new();
-            parse(&format!("newmtl a\n{lines}"), &mut materials);
+            parse(format!("newmtl a\n{lines}").as_bytes(), &mut materials);
             materials["a"].is_glass()
         };
         for lines in ["d 0.4", "d 1\nillum 9\nNi 1.33", "illum 4\nNi 1.5\nmap_Kd pane.png"] {

@@ -8,6 +8,7 @@ use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
 use insula_source::problems::MESH_UNIT;
 use insula_source::source::{NextLine, next_line};
+use insula_source::text::decoded_line;
 use insula_source::units::metres_of;
 
 /// Longer lines are treated as damage.
@@ -93,7 +94,7 @@ pub(super) fn parse(
             joined.push(b' ');
             continue;
         }
-        parser.statement(&String::from_utf8_lossy(&joined));
+        parser.statement(&decoded_line(&joined));
         joined.clear();
         if status == NextLine::EndOfFile {
             return Ok(parser.finish());

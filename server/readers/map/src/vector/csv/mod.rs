@@ -3,6 +3,7 @@
 mod place;
 
 use ::csv::{ByteRecord, Reader, ReaderBuilder};
+use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
 use std::io::{BufRead, Read};
 
 use super::feature::{DEGREES, FeatureWriter};
@@ -13,7 +14,8 @@ use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::{Description, ObjectSink};
-use insula_source::text::split_words;
+use insula_source::problems::ENCODING_GUESSED;
+use insula_source::text::{decoded, is_hardly_western, likely_encoding, split_words};
 use place::Place;
 
 /// Names of geometry columns, in lower case, the most certain first.
@@ -34,6 +36,7 @@ struct Columns {
     place: Place,
     srid: Option<usize>,
     delimiter: u8,
+    encoding: &'static Encoding,
 }
 
 /// Reads a source, also one of GeoJSON in lines. Fails if no column has geometries, or if it is in a system that cannot be placed.
@@ -52,6 +55,8 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         }
         None => delimiter_of(&head),
     };
+    let encoding = likely_encoding(&head);
+    let is_guess = encoding != UTF_8 && (encoding != WINDOWS_1252 || is_hardly_western(&head));
     let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
     let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
@@ -59,12 +64,17 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut second = ByteRecord::new();
     let has_first = next(input, &mut lines, &mut first)?;
     let has_second = has_first && next(input, &mut lines, &mut second)?;
-    let Some((columns, has_names)) = columns_of(&first, &second, delimiter) else {
+    let Some((columns, has_names)) = columns_of(&first, &second, delimiter, encoding) else {
         return Err(InputError::unsupported(
             input.label,
             "lines of values without a column of geometries as WKT or GeoJSON, and without columns lon and lat, or x and y",
         ));
     };
+    if is_guess {
+        let (names, encoding) = (columns.names.join(", "), encoding.name());
+        let detail = format!("{}: {names}: taken as {encoding}; write it in UTF-8 if letters are wrong", input.name);
+        writer.sink.problem(ENCODING_GUESSED, detail);
+    }
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
     let in_degrees = || columns.place.is_in_degrees().then(|| DEGREES.to_owned());
     writer.begin(layer, local::system_beside(input).or_else(in_degrees))?;
@@ -140,16 +150,21 @@ fn delimiter_of(head: &[u8]) -> u8 {
 }
 
 /// Finds the columns by the first two lines, and whether the first line has their names; `None` without a geometry.
-fn columns_of(first: &ByteRecord, second: &ByteRecord, delimiter: u8) -> Option<(Columns, bool)> {
+fn columns_of(
+    first: &ByteRecord,
+    second: &ByteRecord,
+    delimiter: u8,
+    encoding: &'static Encoding,
+) -> Option<(Columns, bool)> {
     let is_geometry = |field: &[u8]| {
-        let text = text_of(field);
+        let text = decoded(field, encoding);
         wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some() || geojson::looks_like_geometry(&text)
     };
     if let Some(geometry) = first.iter().position(is_geometry) {
         let names = (1..=first.len()).map(|number| format!("column {number}")).collect();
-        return Some((Columns { names, place: Place::Text(geometry), srid: None, delimiter }, false));
+        return Some((Columns { names, place: Place::Text(geometry), srid: None, delimiter, encoding }, false));
     }
-    let names: Vec<String> = first.iter().map(|name| text_of(name).trim().to_owned()).collect();
+    let names: Vec<String> = first.iter().map(|name| decoded(name, encoding).trim().to_owned()).collect();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
     let by_name = GEOMETRY_NAMES.iter().filter_map(|known| lower.iter().position(|name| name == known));
     let is_filled = |index: &usize| second.get(*index).is_some_and(is_geometry);
@@ -158,15 +173,7 @@ fn columns_of(first: &ByteRecord, second: &ByteRecord, delimiter: u8) -> Option<
     let filled = candidates.iter().copied().find(is_filled).map(Place::Text);
     let place = filled.or_else(|| Place::of_names(&lower)).or_else(|| candidates.first().copied().map(Place::Text))?;
     let srid = SRID_NAMES.iter().find_map(|known| lower.iter().position(|name| name == known));
-    Some((Columns { names, place, srid, delimiter }, true))
-}
-
-/// A text in UTF-8, or else in Windows-1252.
-fn text_of(field: &[u8]) -> std::borrow::Cow<'_, str> {
-    match std::str::from_utf8(field) {
-        Ok(text) => text.into(),
-        Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(field).0,
-    }
+    Some((Columns { names, place, srid, delimiter, encoding }, true))
 }
 
 fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
@@ -176,7 +183,7 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
     let line = record.position().map_or(0, ::csv::Position::line);
     let mut attributes = Attributes::default();
     for (index, field) in record.iter().enumerate() {
-        let text = text_of(field);
+        let text = decoded(field, columns.encoding);
         if let Some(name) = columns.names.get(index)
             && !columns.place.is_of(index)
             && !text.trim().is_empty()
@@ -184,9 +191,9 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
             attributes.push(name, AttributeValue::from_untyped(&text));
         }
     }
-    let mut srid = columns.srid.and_then(|index| code_of(&text_of(record.get(index)?)));
+    let field = |index| decoded(record.get(index).unwrap_or_default(), columns.encoding);
+    let mut srid = columns.srid.and_then(|index| code_of(&field(index)));
     let mut geometry = Geometry::default();
-    let field = |index| text_of(record.get(index).unwrap_or_default());
     let parsed = match &columns.place {
         Place::Text(index) => geometry_of(&field(*index), &mut geometry),
         place => place.add_point(field, columns.delimiter, &mut geometry).map(|()| None),

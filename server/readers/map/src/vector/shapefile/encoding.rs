@@ -1,6 +1,7 @@
 //! The encoding of texts: named by a `.cpg` file, by a number in the table's header, or not at all.
 
 use encoding_rs::Encoding;
+use insula_source::text::is_hardly_western;
 
 /// How bytes are letters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,13 +105,10 @@ pub(super) fn decode(field: &[u8], charset: Option<Charset>) -> String {
     }
 }
 
-/// Whether a text that is read as Windows-1252, by default, is probably in another encoding. No language of that encoding has four letters
-/// beyond ASCII in a row.
+/// Whether a text that is read as Windows-1252, by default, is probably in another encoding.
 pub(super) fn is_odd(field: &[u8], charset: Option<Charset>) -> bool {
     let is_guess = charset.is_none_or(|charset| charset == Charset::Known(encoding_rs::WINDOWS_1252));
-    is_guess
-        && std::str::from_utf8(field).is_err_and(|fault| fault.error_len().is_some())
-        && field.windows(4).any(|letters| letters.iter().all(|byte| *byte >= 0x80))
+    is_guess && is_hardly_western(field)
 }
 
 fn decode_dos(field: &[u8], letters: &str) -> String {

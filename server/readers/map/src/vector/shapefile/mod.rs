@@ -121,7 +121,8 @@ fn read_shape(
         let row = reader.next(&mut attributes);
         if let Some(text) = reader.take_odd_text() {
             let advice = "write the encoding, such as GBK, into a .cpg file beside it";
-            writer.sink.problem(ENCODING_GUESSED, format!("{name}: {text}: {advice}"));
+            let detail = format!("{name}: {text}: taken as Windows-1252, although it looks like another; {advice}");
+            writer.sink.problem(ENCODING_GUESSED, detail);
         }
         match row {
             Row::Read => {}

@@ -4,6 +4,7 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_csv;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Shape;
+use insula_source::problems::ENCODING_GUESSED;
 
 #[test]
 fn values_are_typed_and_geometries_found() {
@@ -39,6 +40,13 @@ fn delimiters_names_and_encodings() {
     }
     let latin = read(read_csv, &[("a.csv", b"wkt;ort\nPOINT(500 600);K\xf6ln\n")]);
     assert_eq!(latin.objects[0].attributes.get("ort"), Some(&text("Köln")));
+    let (japanese, ..) = encoding_rs::SHIFT_JIS.encode("wkt,高さ,表\nPOINT(500 600),12,東京\n");
+    let japanese = read(read_csv, &[("a.csv", &*japanese)]);
+    assert!(japanese.problems[0].1.contains("高さ, 表: taken as Shift_JIS"), "{:?}", japanese.problems);
+    assert_eq!(japanese.objects[0].attributes.get("高さ"), Some(&AttributeValue::Integer(12)));
+    assert_eq!(japanese.objects[0].attributes.get("表"), Some(&text("東京")));
+    let (russian, ..) = encoding_rs::WINDOWS_1251.encode("wkt,высота\nPOINT(500 600),12\n");
+    assert_eq!(read(read_csv, &[("a.csv", &*russian)]).problems[0].0, ENCODING_GUESSED);
     let nameless = read(read_csv, &[("a.csv", b"POINT(500 600);x\nPOINT(500 700);y\n")]);
     assert_eq!(nameless.objects.len(), 2);
     assert_eq!(nameless.objects[1].attributes.get("column 2"), Some(&text("y")));

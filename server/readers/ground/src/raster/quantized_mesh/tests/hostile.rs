@@ -5,8 +5,8 @@ use std::panic::catch_unwind;
 use super::super::super::facts::Window;
 use super::super::mesh::read_triangles;
 use super::writer::{LAYER, Terrain, Tile};
-use insula_source::testing::gzip;
 use super::{Random, RasterError, RasterLimits};
+use insula_source::testing::gzip;
 
 const MAX_BYTES: u64 = 1 << 20;
 /// Offset of the number of vertices.

@@ -5,9 +5,9 @@ mod layers;
 mod writer;
 
 use self::writer::{LAYER, Terrain, Tile};
-use insula_source::testing::gzip;
 use super::super::facts::{RasterLimits, Window};
 use super::RasterError;
+use insula_source::testing::gzip;
 
 /// Degrees of a side of a tile of level 3.
 const SIDE: f64 = 22.5;
