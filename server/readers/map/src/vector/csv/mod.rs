@@ -19,7 +19,7 @@ use insula_source::text::{decoded, is_hardly_western, likely_encoding, split_wor
 use place::Place;
 
 /// Names of geometry columns, in lower case, the most certain first.
-const GEOMETRY_NAMES: [&str; 10] =
+pub(super) const GEOMETRY_NAMES: [&str; 10] =
     split_words("wkt the_geom geom geometry wkt_geom wkt_geometry geom_wkt geometry_wkt wkb_geometry shape");
 /// Names of columns with the EPSG code of the geometry.
 const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
@@ -208,7 +208,7 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
 }
 
 /// Reads a geometry; returns the code of its system if it tells one.
-fn geometry_of(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, &'static str> {
+pub(super) fn geometry_of(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, &'static str> {
     match wkb::bytes_of_hex(text) {
         _ if text.trim().is_empty() => Err(NO_GEOMETRY),
         Some(bytes) => wkb::parse(&bytes, geometry),

@@ -6,10 +6,13 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::statistics::Statistics;
 use serde_json::Value;
 
+use crate::vector::csv::GEOMETRY_NAMES;
 use crate::vector::feature::{DEGREES, are_apart};
 
-/// Names of geometry columns of files without metadata.
+/// Names of geometry columns of files without metadata, in lower case. Columns of texts have those of CSV.
 const USUAL_NAMES: [&str; 5] = ["geometry", "geom", "wkb_geometry", "wkb", "the_geom"];
+/// Columns that a message names.
+const NAMED_COLUMNS: usize = 12;
 /// Names of columns of boxes: `bbox.xmin` and so on, as Overture has.
 const BOX_COLUMN: &str = "bbox";
 /// Names of members of boxes in the order west, south, east, north.
@@ -27,6 +30,8 @@ pub(super) struct GeoColumn {
 
 pub(super) enum GeometryEncoding {
     Wkb,
+    /// WKT or GeoJSON, as tables of databases are exported.
+    Text,
     /// Nested lists of positions.
     Nested(NestedKind),
 }
@@ -53,7 +58,12 @@ pub(super) fn find(metadata: &ParquetMetaData, schema: &Schema) -> Result<GeoCol
     let geo: Option<Value> = text_of(metadata, "geo").and_then(|text| serde_json::from_str(text).ok());
     let found = match &geo {
         Some(geo) => of_metadata(geo, schema)?,
-        None => of_types(metadata, schema).ok_or("a parquet file without a geometry column")?,
+        None => of_types(metadata, schema).ok_or_else(|| {
+            let names: Vec<&str> =
+                schema.fields().iter().take(NAMED_COLUMNS).map(|field| field.name().as_str()).collect();
+            let names = names.join(", ");
+            format!("a parquet file without a column geometry or geom of WKB, or wkt of WKT (its columns: {names})")
+        })?,
     };
     let covering = found.covering.or_else(|| box_column(schema));
     Ok(GeoColumn { covering, ..found })
@@ -103,6 +113,7 @@ fn encoding_of(name: &str) -> Option<GeometryEncoding> {
     let name = name.to_ascii_lowercase();
     let kind = match name.strip_prefix("geoarrow.").unwrap_or(&name) {
         "wkb" => return Some(GeometryEncoding::Wkb),
+        "wkt" => return Some(GeometryEncoding::Text),
         "point" => NestedKind::Point,
         "linestring" => NestedKind::Line,
         "polygon" => NestedKind::Polygon,
@@ -114,11 +125,11 @@ fn encoding_of(name: &str) -> Option<GeometryEncoding> {
     Some(GeometryEncoding::Nested(kind))
 }
 
-/// The first column of parquet's own geometry type, else one of bytes with a usual name.
+/// The first column of parquet's own geometry type, else one of bytes or texts with a usual name.
 fn of_types(metadata: &ParquetMetaData, schema: &Schema) -> Option<GeoColumn> {
-    let named = |name: &str, crs: Option<String>| GeoColumn {
+    let named = |name: &str, encoding: GeometryEncoding, crs: Option<String>| GeoColumn {
         name: name.to_owned(),
-        encoding: GeometryEncoding::Wkb,
+        encoding,
         crs,
         covering: None,
     };
@@ -130,10 +141,17 @@ fn of_types(metadata: &ParquetMetaData, schema: &Schema) -> Option<GeoColumn> {
         };
         let crs = crs.filter(|text| !text.trim().is_empty());
         let crs = crs.map(|text| serde_json::from_str(&text).map_or(text, |json: Value| name_of_projjson(&json)));
-        return Some(named(column.name(), Some(crs.unwrap_or_else(|| DEGREES.to_owned()))));
+        let crs = crs.unwrap_or_else(|| DEGREES.to_owned());
+        return Some(named(column.name(), GeometryEncoding::Wkb, Some(crs)));
     }
-    let is_bytes = |name: &&str| schema.field_with_name(name).is_ok_and(|field| *field.data_type() == DataType::Binary);
-    USUAL_NAMES.into_iter().find(is_bytes).map(|name| named(name, None))
+    let usual = |names: &[&str], kind: &DataType| {
+        let mut columns = schema.fields().iter().filter(|field| field.data_type() == kind);
+        let is_usual = |name: &str| names.iter().any(|usual| usual.eq_ignore_ascii_case(name));
+        columns.find(|field| is_usual(field.name())).map(|field| field.name().clone())
+    };
+    let of_bytes = usual(&USUAL_NAMES, &DataType::Binary).map(|name| named(&name, GeometryEncoding::Wkb, None));
+    let of_texts = || usual(&GEOMETRY_NAMES, &DataType::Utf8).map(|name| named(&name, GeometryEncoding::Text, None));
+    of_bytes.or_else(of_texts)
 }
 
 /// A column of boxes that the metadata do not name.

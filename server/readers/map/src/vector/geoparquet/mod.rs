@@ -1,4 +1,4 @@
-//! GeoParquet, such as Overture's buildings: columns in row groups, a geometry column in WKB or as nested lists.
+//! GeoParquet, such as Overture's buildings: columns in row groups, a geometry column in WKB, as nested lists or as texts.
 //!
 //! Row groups outside of the wanted area are not read, if a column has the boxes of the features. Decoders of the parquet
 //! crate may panic on damaged pages; that ends the reading with an error like any other damage.
@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use arrow_array::{Array, BinaryArray, RecordBatch};
+use arrow_array::{Array, BinaryArray, RecordBatch, StringArray};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
@@ -20,6 +20,7 @@ use parquet::arrow::arrow_reader::{
 use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::Length;
 
+use super::csv;
 use super::feature::{FeatureWriter, MAX_DECISIVE};
 use super::geometry::Geometry;
 use super::layer::Layer;
@@ -269,6 +270,10 @@ impl<'a> GeometryColumn<'a> {
         let mut geometry = Geometry::default();
         match (self.encoding, self.binary) {
             (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry).map(|_| ())?,
+            (GeometryEncoding::Text, _) => {
+                let texts = array.as_any().downcast_ref::<StringArray>().ok_or("geometry of unknown type")?;
+                csv::geometry_of(texts.value(row), &mut geometry).map(|_| ())?;
+            }
             (GeometryEncoding::Wkb, None) => return Err("geometry of unknown type"),
             (GeometryEncoding::Nested(kind), _) => native::read(array, row, *kind, &mut geometry)?,
         }

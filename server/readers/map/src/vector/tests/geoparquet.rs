@@ -182,6 +182,23 @@ fn systems_and_compressions() {
 }
 
 #[test]
+fn columns_of_texts_are_geometries() {
+    for (name, value) in [
+        ("WKT", "POLYGON((500 600, 510 600, 510 620, 500 600))"),
+        ("geometry", r#"{"type":"Polygon","coordinates":[[[500,600],[510,600],[510,620],[500,600]]]}"#),
+    ] {
+        let columns = |name| vec![(name, Arc::new(StringArray::from(vec![Some(value), None])) as ArrayRef)];
+        let sink = read(read_geoparquet, &[("a.parquet", &file(columns(name), None, Compression::SNAPPY))]);
+        assert_eq!((sink.objects.len(), sink.skipped.len()), (1, 1), "{name}");
+        assert_eq!(rings(&sink.objects[0].shape)[0].rings[0][1], [510.0, 600.0]);
+        assert!(sink.objects[0].attributes.get(name).is_none());
+        let other = file(columns("note"), None, Compression::SNAPPY);
+        let refused = run(read_geoparquet, &[("a.parquet", &other)], None).0.unwrap_err();
+        assert!(refused.to_string().contains("its columns: note"), "{refused}");
+    }
+}
+
+#[test]
 fn nested_lists_are_polygons() {
     let axis = |name: &str| Field::new(name, DataType::Float64, false);
     let position = StructBuilder::from_fields(vec![axis("x"), axis("y")], 8);
