@@ -5,8 +5,13 @@ use super::{
     viewer::{REACTION, ensure_no_problems, keep, serve, url},
 };
 use anyhow::{Result, ensure};
-use insula_tests::browser::{PageOptions, city_page::CityPage};
+use insula_tests::{
+    browser::{PageOptions, city_page::CityPage},
+    fixtures,
+    programs::{ServerProcess, program},
+};
 use serde_json::json;
+use std::process::Command;
 
 /// A narrow phone upright; the narrowest upright, a phone on its side, a frame in an article; a larger one on its side, a tablet, a desktop.
 pub(super) const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
@@ -56,12 +61,15 @@ const LEGEND: &str = "(() => {
 })()";
 
 fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
-    let (server, browser) = (serve()?, browser(false)?);
+    // With all tools that a page can have.
+    let mut command = Command::new(program("insula-server")?);
+    let server = ServerProcess::start(&mut command, &fixtures::baked_chiba()?, "127.0.0.1:0", &["analyses.at_once=1"])?;
+    let browser = browser(false)?;
     let [width, height] = options.size;
     let page = CityPage::open(&browser, options, &url(&server))?;
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
     let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
-    ensure!(panels >= 9, "{panels} panels");
+    ensure!(panels >= 10, "{panels} panels");
     page.page.evaluate(LEGEND)?;
     for panel in 0..=panels {
         // After the last one, none is open but the menu, where there is one.
