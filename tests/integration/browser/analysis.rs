@@ -2,7 +2,7 @@
 
 use super::{
     browser,
-    controls::{COVERED, PHONE},
+    controls::{COVERED, LAID_OUT, PHONE},
     viewer::{REACTION, ensure_no_problems, keep},
 };
 use anyhow::{Result, ensure};
@@ -93,8 +93,7 @@ pub(super) fn a_result_leaves_a_phone_free() -> Result<()> {
     page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
     page.page.wait_for(&format!("{PANEL}.querySelectorAll('.classes li').length >= 2"), REACTION)?;
     page.page.wait_for(IS_DRAWN, REACTION)?;
-    // The layout follows the height of the panel, which observers report before the second frame.
-    page.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")?;
+    page.page.evaluate(LAID_OUT)?;
     keep(&page, "analysis-phone")?;
     let covered = page.page.evaluate(COVERED)?;
     ensure!(covered == json!([]), "{covered}");

@@ -52,6 +52,10 @@ pub(super) const COVERED: &str = "(() => {
     return found;
 })()";
 
+/// The layout follows the height of a panel, which observers report before the second frame.
+pub(super) const LAID_OUT: &str =
+    "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))";
+
 /// A legend, as of a city with objects.
 const LEGEND: &str = "(() => {
     const entries = [{ rgb: [9, 9, 9], label: 'no data' }, { rgb: [200, 200, 200], label: 'others' }];
@@ -78,8 +82,7 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
                 : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
                 (document.querySelectorAll('.panel')[{panel}]?.id)"
         ))?;
-        // The layout follows the height of the panel, which observers report before the second frame.
-        page.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")?;
+        page.page.evaluate(LAID_OUT)?;
         let covered = page.page.evaluate(COVERED)?;
         if covered.as_array().is_none_or(|list| !list.is_empty()) {
             keep(&page, &format!("covered-{width}x{height}-{panel}"))?;
@@ -119,6 +122,7 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     page.page.evaluate("document.querySelector('.tool:has(.icon-measure)').click()")?;
     let result = "document.querySelector('.panel:not([hidden]) .result').textContent";
     page.page.wait_for(&format!("{result} === 'Noch keine Punkte'"), REACTION)?;
+    page.page.evaluate(LAID_OUT)?;
     for at in [[150.0, 165.0], [210.0, 165.0]] {
         page.page.click(at, 1)?;
     }

@@ -67,7 +67,7 @@ const QUICK: [(&str, Run); 17] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 28] = [
+const FULL: [(&str, Run); 29] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
@@ -92,6 +92,7 @@ const FULL: [(&str, Run); 28] = [
     ("the_plain_example_runs", component::the_plain_example_runs),
     ("a_page_with_trusted_types_shows_the_city", component::a_page_with_trusted_types_shows_the_city),
     ("the_geojson_example_runs", component::the_geojson_example_runs),
+    ("a_stranger_walks_through_the_page", objects::a_stranger_walks_through_the_page),
     ("markers_are_occluded", component::markers_are_occluded),
     ("clicks_meet_the_same_objects_on_a_gpu", objects::clicks_meet_the_same_objects_on_a_gpu),
     ("colours_have_a_legend", objects::colours_have_a_legend),

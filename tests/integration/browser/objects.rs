@@ -9,7 +9,7 @@ use insula_bake::BakeOptions;
 use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::{
     browser::{
-        PageOptions,
+        Button, PageOptions,
         city_page::{CityPage, FINAL, colours},
         same_picture::{SharedView, native_with, share_of_same},
     },
@@ -26,6 +26,9 @@ use std::{
 use tempfile::TempDir;
 
 const SIZE_PX: [u32; 2] = [480, 320];
+/// With room for panels beside the middle.
+const WALK_PX: [u32; 2] = [1024, 640];
+const WALK_MIDDLE: [f64; 2] = [512.0, 320.0];
 /// So small that a software driver draws it in seconds.
 const GPU_SIZE_PX: [u32; 2] = [400, 320];
 const HOUSES_PER_SIDE: usize = 4;
@@ -50,6 +53,10 @@ struct Town {
 
 impl Town {
     fn open(gpu: bool) -> Result<(Self, CityPage)> {
+        Self::open_at(gpu, if gpu { GPU_SIZE_PX } else { SIZE_PX })
+    }
+
+    fn open_at(gpu: bool, size: [u32; 2]) -> Result<(Self, CityPage)> {
         let folder = tempfile::tempdir()?;
         let mut houses = fixtures::city_json(HOUSES_PER_SIDE);
         for i in 0..HOUSES_PER_SIDE * HOUSES_PER_SIDE {
@@ -60,7 +67,7 @@ impl Town {
         std::fs::write(&input, houses.to_string())?;
         let city = fixtures::baked("object-town", &BakeOptions { inputs: vec![input], ..BakeOptions::default() })?;
         let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
-        let options = PageOptions { size: if gpu { GPU_SIZE_PX } else { SIZE_PX }, ..PageOptions::default() };
+        let options = PageOptions { size, ..PageOptions::default() };
         let attributes: &[(&str, &str)] = if gpu { &[("adapter", "gpu")] } else { &[] };
         let url = format!("http://{}/", server.address);
         let page = CityPage::open_with(browser(gpu)?.as_ref(), options, &url, attributes)?;
@@ -226,6 +233,53 @@ pub(super) fn the_search_finds_objects() -> Result<()> {
         "(form => {{ form.querySelector('input').value = '{first}'; form.requestSubmit(); }})(document.querySelector('.search-form'))"
     ))?;
     page.wait_for_view(0, &first)?;
+    ensure_no_problems(&page)
+}
+
+/// Who has never seen the page searches, measures, filters, takes a link and saves a picture, by keys and mouse alone.
+pub(super) fn a_stranger_walks_through_the_page() -> Result<()> {
+    let (_town, page) = Town::open_at(false, WALK_PX)?;
+    let panel = "document.querySelector('.panel:not([hidden])')";
+    let shows = |expression: &str| page.page.wait_for(expression, REACTION);
+    let write = |text: &str| text.chars().try_for_each(|letter| page.page.press(&letter.to_string()));
+    let click_on = |selector: &str| -> Result<()> {
+        let middle = page.page.evaluate(&format!(
+            "(box => [box.x + box.width / 2, box.y + box.height / 2])({panel}.querySelector('{selector}').getBoundingClientRect())"
+        ))?;
+        page.page.click([0, 1].map(|k| middle[k].as_f64().unwrap_or_default()), 1)
+    };
+    page.page.press("/")?;
+    shows(&format!("{panel}?.querySelector('input') === document.activeElement"))?;
+    write("house-13")?;
+    shows(&format!("{panel}.querySelector('.results .row') !== null"))?;
+    page.moves_by("the best hit", 0, |page| page.press("Enter"))?;
+    shows(&format!("{}.selection[0]?.identifier === 'house-13'", element()))?;
+    page.wait_until_final(0)?;
+    page.page.press("Escape")?;
+    shows(&format!("{panel} === null"))?;
+    // The house is in the middle, and stays there while the view turns.
+    page.page.press("m")?;
+    shows(&format!("{panel}?.querySelector('.result') !== null"))?;
+    page.page.click(WALK_MIDDLE, 1)?;
+    page.moves_by("a drag", 0, |page| page.drag(Button::Left, [300.0, 400.0], [360.0, 400.0]))?;
+    page.page.click(WALK_MIDDLE, 1)?;
+    shows(&format!("/m long, .* horizontally, .* up$/.test({panel}.querySelector('.result').textContent)"))?;
+    keep(&page, "walk-measure")?;
+    page.page.press("g")?;
+    shows(&format!("{panel}?.querySelector('select option:nth-child(2)') !== null"))?;
+    click_on("input[placeholder]")?;
+    write("height > 1")?;
+    page.page.press("Enter")?;
+    shows(&format!("{panel}.textContent.includes('16 objects pass')"))?;
+    page.page.press("Escape")?;
+    page.page.press("c")?;
+    shows(&format!("{panel}?.querySelector('input').value.includes('camera=')"))?;
+    page.page.press("Escape")?;
+    page.page.press("p")?;
+    shows(&format!("{panel}?.querySelector('button.primary .icon-picture') !== null"))?;
+    click_on("button.primary")?;
+    page.page.wait_for(&format!("{panel}.textContent.includes('Picture saved')"), FINAL)?;
+    keep(&page, "walk-picture")?;
     ensure_no_problems(&page)
 }
 
