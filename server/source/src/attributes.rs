@@ -3,7 +3,7 @@
 use std::fmt;
 
 use glob::{MatchOptions, Pattern};
-use insula_objects::value::{Value, days_from_civil};
+use insula_objects::value::{Value, civil_from_days, days_from_civil};
 
 /// Further attributes of an object are left out.
 pub const MAX_ATTRIBUTES: usize = 1024;
@@ -66,6 +66,13 @@ impl AttributeValue {
         }
         let (year, month, day) = (year.parse().ok()?, month.parse().ok()?, day.parse().ok()?);
         ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some(Self::Date { year, month, day })
+    }
+
+    /// The date of a number of days after 1970-01-01; `None` outside of years 1 to 9999.
+    pub fn date_of_days(days: i64) -> Option<Self> {
+        let days = i32::try_from(days).ok().filter(|days| (-719_162..=2_932_896).contains(days))?;
+        let (year, month, day) = civil_from_days(days);
+        Some(Self::Date { year, month, day })
     }
 
     /// A single-precision number as the decimal number that it was written for: 0.1, not 0.10000000149.
@@ -220,6 +227,17 @@ impl Attributes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn days_are_dates() {
+        let text = |days: i64| AttributeValue::date_of_days(days).map(|date| date.to_string());
+        assert_eq!(text(0).as_deref(), Some("1970-01-01"));
+        assert_eq!(text(19_782).as_deref(), Some("2024-02-29"));
+        assert_eq!(text(-1).as_deref(), Some("1969-12-31"));
+        assert_eq!(text(-719_162).as_deref(), Some("0001-01-01"));
+        assert_eq!(text(2_932_896).as_deref(), Some("9999-12-31"));
+        assert_eq!((text(i64::MIN), text(i64::MAX)), (None, None));
+    }
 
     #[test]
     fn single_precision_keeps_its_decimals() {

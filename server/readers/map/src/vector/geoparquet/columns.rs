@@ -10,7 +10,6 @@ use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveA
 use arrow_schema::{DataType, Schema, TimeUnit};
 
 use super::metadata::GeoColumn;
-use crate::vector::number::date_of_days;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 
 /// Values nested deeper are left out.
@@ -134,7 +133,7 @@ fn primitive<'a>(kind: &DataType, array: &'a ArrayRef) -> Option<PrimitiveValue<
         DataType::Float16 => by::<Float16Type>(array, |value| Some(Float(value.to_f64()))),
         DataType::Float32 => by::<Float32Type>(array, |value| Some(AttributeValue::single(value))),
         DataType::Float64 => by::<Float64Type>(array, |value| Some(Float(value))),
-        DataType::Date32 => by::<Date32Type>(array, |value| date_of_days(value.into())),
+        DataType::Date32 => by::<Date32Type>(array, |value| AttributeValue::date_of_days(value.into())),
         DataType::Timestamp(unit, _) => timestamp(*unit, array),
         DataType::Decimal32(_, scale) => decimal::<Decimal32Type>(array, *scale, f64::from),
         DataType::Decimal64(_, scale) => decimal::<Decimal64Type>(array, *scale, |value| value as f64),
@@ -152,7 +151,7 @@ fn by<'a, T: ArrowPrimitiveType>(
 }
 
 fn timestamp(unit: TimeUnit, array: &ArrayRef) -> PrimitiveValue<'_> {
-    let date = |units: i64| move |value: i64| date_of_days(value.div_euclid(units * SECONDS_OF_DAY));
+    let date = |units: i64| move |value: i64| AttributeValue::date_of_days(value.div_euclid(units * SECONDS_OF_DAY));
     match unit {
         TimeUnit::Second => by::<TimestampSecondType>(array, date(1)),
         TimeUnit::Millisecond => by::<TimestampMillisecondType>(array, date(1_000)),

@@ -3,7 +3,6 @@
 use std::io::{BufRead, Read};
 
 use super::encoding::{Charset, decode, encoding_of, is_odd};
-use crate::vector::number::date_of_days;
 use insula_source::attributes::{AttributeValue, Attributes};
 
 const HEADER_BYTES: usize = 32;
@@ -130,7 +129,7 @@ fn value(column: &Column, field: &[u8], encoding: Option<Charset>) -> Option<Att
         b'B' | b'O' if field.len() == 8 => Some(AttributeValue::Float(f64::from_le_bytes(*field.first_chunk()?))),
         b'T' | b'@' if field.len() == 8 => {
             let day = i64::from(u32::from_le_bytes(*field.first_chunk()?));
-            if day == 0 { None } else { date_of_days(day - JULIAN_DAY_OF_1970) }
+            if day == 0 { None } else { AttributeValue::date_of_days(day - JULIAN_DAY_OF_1970) }
         }
         _ => None,
     }
