@@ -1,5 +1,6 @@
 //! Models of single mesh files, and their simplification.
 
+pub mod disjoint_sets;
 pub mod model;
 pub mod repair;
 pub mod simplify;

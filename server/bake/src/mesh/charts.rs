@@ -7,12 +7,9 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::{DVec3, Vec2};
 
-use super::{
-    materials::{has_pattern, texture_of},
-    union_find::DisjointSets,
-};
+use super::materials::{has_pattern, texture_of};
 use crate::scene::Scene;
-use insula_simplify::model::TriangleModel;
+use insula_simplify::{disjoint_sets::DisjointSets, model::TriangleModel};
 
 /// A chart is compared with at most this many earlier charts of its material.
 const MAX_MERGE_CANDIDATES: usize = 512;

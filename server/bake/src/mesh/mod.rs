@@ -30,7 +30,6 @@ mod texture_bake;
 mod texture_canvas;
 mod texture_encode;
 mod texture_fill;
-mod union_find;
 
 use insula_protocol::{TileId, blockmap::Quality};
 

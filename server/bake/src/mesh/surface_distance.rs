@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::union_find::DisjointSets;
+use insula_simplify::disjoint_sets::DisjointSets;
 use insula_simplify::model::TriangleModel;
 use insula_simplify::triangle_distance::squared_distance;
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::parse::{ObjFace, ObjFile};
+use insula_simplify::disjoint_sets::DisjointSets;
 
 /// Positions that round to the same millimetre are welded, because in some files each triangle has its own corners.
 const WELD_PER_M: f64 = 1000.0;
@@ -81,7 +82,7 @@ fn renumber(labels: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (order, numbered)
 }
 
-/// For each face a label of its connected component, by union-find over welded corners.
+/// For each face a label of its connected component, by the sets of connected welded corners.
 fn connected_components(file: &ObjFile, faces: &[ObjFace]) -> Vec<u32> {
     let mut welded = HashMap::new();
     let mut weld = |position: u32| {
@@ -89,33 +90,17 @@ fn connected_components(file: &ObjFile, faces: &[ObjFace]) -> Vec<u32> {
         let next = welded.len() as u32;
         *welded.entry(cell).or_insert(next)
     };
-    // The parent of each welded corner; a root is its own parent.
-    let mut parents: Vec<u32> = Vec::new();
+    let mut sets = DisjointSets::new(file.positions.len());
     let mut first_weld = Vec::with_capacity(faces.len());
     for face in faces {
         let mut first = None;
         for corner in file.corners_of(face) {
             let own = weld(corner[0]);
-            if own as usize == parents.len() {
-                parents.push(own);
-            }
-            let first = *first.get_or_insert(own);
-            let (a, b) = (find_root(&mut parents, first), find_root(&mut parents, own));
-            parents[a.max(b) as usize] = a.min(b);
+            sets.union(*first.get_or_insert(own), own);
         }
         first_weld.push(first.unwrap_or(0));
     }
-    first_weld.into_iter().map(|weld| find_root(&mut parents, weld)).collect()
-}
-
-/// Follows the parents to the root and halves the path.
-fn find_root(parents: &mut [u32], mut at: u32) -> u32 {
-    while parents[at as usize] != at {
-        let next = parents[parents[at as usize] as usize];
-        parents[at as usize] = next;
-        at = next;
-    }
-    at
+    first_weld.into_iter().map(|weld| sets.find(weld)).collect()
 }
 
 #[cfg(test)]

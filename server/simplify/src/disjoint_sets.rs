@@ -1,18 +1,19 @@
 //! Disjoint sets of numbers (union-find with path halving).
 
 /// Sets of the numbers below a limit. The smallest number of a set represents it.
-pub(super) struct DisjointSets {
+#[derive(Debug)]
+pub struct DisjointSets {
     parent: Vec<u32>,
 }
 
 impl DisjointSets {
     /// One set for each number below `count`.
-    pub(super) fn new(count: usize) -> Self {
+    pub fn new(count: usize) -> Self {
         Self { parent: (0..count as u32).collect() }
     }
 
     /// The smallest number of the set that contains `v`.
-    pub(super) fn find(&mut self, mut v: u32) -> u32 {
+    pub fn find(&mut self, mut v: u32) -> u32 {
         let parent = &mut self.parent;
         while parent[v as usize] != v {
             parent[v as usize] = parent[parent[v as usize] as usize];
@@ -21,7 +22,8 @@ impl DisjointSets {
         v
     }
 
-    pub(super) fn union(&mut self, a: u32, b: u32) {
+    /// Makes one set of two.
+    pub fn union(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
         self.parent[a.max(b) as usize] = a.min(b);
     }
