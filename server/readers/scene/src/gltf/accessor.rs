@@ -66,13 +66,15 @@ pub(super) fn column<'a>(root: &'a Root, buffers: &'a Buffers<'_>, index: usize)
     let size = component.bytes() * width;
     let dense = match accessor.buffer_view {
         Some(view) => {
-            let stride =
-                accessor.stride.or(buffers.stride(view)).map_or(Some(size), |stride| usize::try_from(stride).ok());
+            // Elements in one place would cost the file nothing.
+            let stride = accessor.stride.filter(|stride| *stride > 0).or(buffers.stride(view));
+            let stride = stride.map_or(Some(size), |stride| usize::try_from(stride).ok());
             let stride = stride.ok_or_else(|| fault("its stride is too large"))?;
             let bytes = elements(buffers.view(view)?, accessor.byte_offset, count, stride, size).map_err(fault)?;
             Column { bytes: Cow::Borrowed(bytes), count, stride, component, width, is_normalised: accessor.normalized }
         }
         None => {
+            buffers.budget().take_zeros(accessor.count)?;
             buffers.budget().take_bytes(accessor.count.saturating_mul(size as u64))?;
             let zeros = Cow::Owned(vec![0; count * size]);
             Column { bytes: zeros, count, stride: size, component, width, is_normalised: accessor.normalized }

@@ -2,6 +2,9 @@
 
 use std::cell::Cell;
 
+/// Most elements of accessors without content: zeros, which cost the file nothing.
+const MAX_ZEROS: u64 = 1 << 22;
+
 /// Why a part of a scene is left out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
@@ -37,6 +40,7 @@ impl Fault {
 pub(super) struct Budget {
     bytes: Cell<u64>,
     vertices: Cell<u64>,
+    zeros: Cell<u64>,
     exceeded: Cell<Option<(&'static str, u64)>>,
     max_bytes: u64,
     max_vertices: u64,
@@ -47,6 +51,7 @@ impl Budget {
         Self {
             bytes: Cell::new(bytes),
             vertices: Cell::new(vertices),
+            zeros: Cell::new(MAX_ZEROS),
             exceeded: Cell::new(None),
             max_bytes: bytes,
             max_vertices: vertices,
@@ -61,6 +66,11 @@ impl Budget {
     /// Takes vertices of primitives.
     pub(super) fn take_vertices(&self, vertices: u64) -> Result<(), Fault> {
         self.take(&self.vertices, vertices, "its number of vertices", self.max_vertices)
+    }
+
+    /// Takes elements of accessors without content.
+    pub(super) fn take_zeros(&self, elements: u64) -> Result<(), Fault> {
+        self.take(&self.zeros, elements, "its number of elements without a buffer view", MAX_ZEROS)
     }
 
     /// What was requested beyond which limit, if anything.

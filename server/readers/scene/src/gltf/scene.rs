@@ -14,6 +14,9 @@ use super::schema::{Instancing, Node, Root, Skin};
 use super::triangles;
 use super::{Attributes, FeatureIdValues, FeatureIds, GltfPrimitive, GltfScene, MeshNode};
 
+/// An instance whose place has no content makes a mesh of nothing. It counts as so many elements without content.
+const ZEROS_OF_INSTANCE: u64 = 64;
+
 /// A node with its place in the tree.
 struct PlacedNode {
     index: usize,
@@ -267,6 +270,13 @@ impl<'a> SceneBuilder<'a> {
             counts.push(root.accessors.get(*index).map_or(0, |accessor| accessor.count));
         }
         let count = counts.into_iter().min().unwrap_or(0);
+        let has_content = |name: &str| {
+            let accessor = instancing.attributes.get(name).and_then(|index| root.accessors.get(*index));
+            accessor.is_some_and(|accessor| accessor.buffer_view.is_some())
+        };
+        if !["TRANSLATION", "ROTATION", "SCALE"].into_iter().any(has_content) {
+            buffers.budget().take_zeros(count.saturating_mul(ZEROS_OF_INSTANCE))?;
+        }
         buffers.budget().take_bytes(count.saturating_mul(size_of::<Instance>() as u64))?;
         let count = u32::try_from(count).map_err(|_| Fault::new("too many instances", count.to_string()))?;
         let instance = |number: u32| {

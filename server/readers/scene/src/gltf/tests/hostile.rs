@@ -54,6 +54,34 @@ fn absurd_numbers_cost_a_part_or_the_file_but_no_memory() {
 }
 
 #[test]
+fn elements_that_cost_the_file_nothing_are_few() {
+    let with_accessor = |count: u64, use_it: &dyn Fn(&mut Document)| {
+        let mut document = Document::quad();
+        document.add_accessor(json!({"componentType": 5120, "count": count, "type": "VEC3"}));
+        use_it(&mut document);
+        decode_document(&document)
+    };
+    let instances = |document: &mut Document| {
+        let of_node = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}});
+        document.json["nodes"][0]["extensions"] = of_node;
+    };
+    let colours = |document: &mut Document| {
+        document.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2.into();
+    };
+    assert_eq!(with_accessor(50, &instances).expect("few").primitives.len(), 50);
+    assert_eq!(with_accessor(4, &colours).expect("as many as corners").primitives.len(), 1);
+    let mut document = Document::quad();
+    document.json["accessors"][0]["version1Stride"] = 0.into();
+    document.json["accessors"][0]["count"] = 1_000_000.into();
+    assert!(decode_document(&document).expect("readable").primitives.is_empty(), "all corners in one place");
+    let many: [(u64, &dyn Fn(&mut Document)); 2] = [(70_000, &instances), (5_000_000, &colours)];
+    for (count, use_it) in many {
+        let error = with_accessor(count, use_it).expect_err("too many");
+        assert!(matches!(error, InputError::TooLarge { limit: 4_194_304, .. }), "{error}");
+    }
+}
+
+#[test]
 fn indices_out_of_range_cost_their_triangles() {
     let mut document = Document::quad();
     let last = document.buffer.len() - 1;
