@@ -35,6 +35,9 @@ use parquet_file::ParquetFile;
 
 /// Rows that are decoded at once.
 const BATCH_ROWS: usize = 1024;
+/// Most rows of a small file, and of a larger one for each of its bytes: equal rows take next to none.
+const MIN_ROWS: u64 = 1 << 20;
+const ROWS_OF_BYTE: u64 = 8;
 /// Sources of data that are named.
 const MAX_ATTRIBUTIONS: usize = 32;
 
@@ -50,6 +53,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     })?;
     let geo = metadata::find(metadata.metadata(), metadata.schema())
         .map_err(|what| InputError::unsupported(input.label, what))?;
+    check_rows(input, metadata.metadata(), file_bytes)?;
     check_sizes(input, metadata.metadata())?;
     let mut writer = FeatureWriter::new(input, sink);
     let names = metadata.schema().fields().iter().map(|field| field.name().as_str());
@@ -104,6 +108,21 @@ fn damaged(input: &Input<'_>, place: &str, what: &str) -> InputError {
 /// Runs a decoder of the parquet crate; its panic is damage of the file.
 fn guarded<T>(input: &Input<'_>, place: &str, decode: impl FnOnce() -> Result<T, InputError>) -> Result<T, InputError> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(damaged(input, place, "its decoder failed")))
+}
+
+/// Fails if a file has far more rows, or values of a column, than bytes.
+fn check_rows(input: &Input<'_>, metadata: &ParquetMetaData, file_bytes: u64) -> Result<(), InputError> {
+    let limit = MIN_ROWS.max(file_bytes.saturating_mul(ROWS_OF_BYTE));
+    let most = |group: &RowGroupMetaData| {
+        let values = group.columns().iter().map(|column| column.num_values());
+        u64::try_from(values.chain([group.num_rows()]).max().unwrap_or(0)).unwrap_or(0)
+    };
+    let rows = metadata.row_groups().iter().map(most).fold(0, u64::saturating_add);
+    if rows > limit {
+        let what = format!("its number of rows or values, {rows} in {file_bytes} bytes,");
+        return Err(InputError::TooLarge { path: input.label.to_owned(), what, limit });
+    }
+    Ok(())
 }
 
 /// Fails if a column of a row group is larger than allowed, because pages of any size within it would be unpacked, or if it

@@ -238,6 +238,16 @@ fn files_that_are_not_read() {
 }
 
 #[test]
+fn equal_rows_that_take_no_bytes_are_few() {
+    let rows = (1 << 20) + 1;
+    let nothing: ArrayRef = Arc::new(BinaryArray::from(vec![None::<&[u8]>; rows]));
+    let bytes = file_in_groups(vec![("geometry", nothing)], Some(WKB), Compression::SNAPPY, rows);
+    assert!(bytes.len() < 100_000, "{}", bytes.len());
+    let error = run(read_geoparquet, &[("a.parquet", &bytes)], None).0.unwrap_err().to_string();
+    assert!(error.contains("1048577 in") && error.contains("exceeds the limit of 1048576"), "{error}");
+}
+
+#[test]
 fn hostile_files() {
     for compression in [Compression::UNCOMPRESSED, Compression::SNAPPY] {
         let bytes = file(overture_columns(), Some(WKB), compression);
