@@ -26,6 +26,7 @@ use insula_draw::{
     drawing::Drawing,
     error::DrawStep,
     file::{DrawingFormat, pdf_letters, write_drawing},
+    over_heights,
     sheet::Paper,
     style::Stylesheet,
     view::DrawView,
@@ -109,7 +110,7 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
                 }
                 color_by.with_range(ends)
             }
-            None => color_by,
+            None => over_heights(color_by, &source).map_err(|error| unreadable(&error))?,
         };
         Ok::<_, ClientError>(color_by.in_language(&language::of_environment()))
     });

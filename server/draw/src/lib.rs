@@ -52,6 +52,7 @@ mod warnock;
 
 pub use error::DrawError;
 pub use limits::DrawLimits;
+pub use paint::over_heights;
 pub use part::DrawnPart;
 pub use pipeline::{draw, draw_part};
 pub use request::DrawRequest;

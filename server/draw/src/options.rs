@@ -4,6 +4,7 @@ use crate::{
     error::DrawError,
     file::DrawingFormat,
     limits::DrawLimits,
+    paint::over_heights,
     request::DrawRequest,
     sheet::Paper,
     style::{Stylesheet, parse_look},
@@ -106,7 +107,7 @@ impl DrawingOptions {
         }
         let color_by = match &self.color_by {
             Some(text) => match ColorBy::parse(text, source.schema()) {
-                Ok(color_by) => Some(color_by),
+                Ok(color_by) => Some(over_heights(color_by, source)?),
                 Err(error) => return invalid(format!("color_by: {error}")),
             },
             None => None,

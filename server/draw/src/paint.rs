@@ -1,8 +1,13 @@
 //! Colours of objects by an attribute.
 
 use crate::{error::DrawError, style::Rgb};
-use insula_export::{leaves::LeafObject, source::ExportSource};
-use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value, family::of_largest_numbers};
+use insula_export::{
+    leaves::LeafObject,
+    source::{ExportSource, SourceError},
+};
+use insula_objects::{
+    BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value, color::sampled_blocks, family::of_largest_numbers,
+};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -29,6 +34,16 @@ struct PaintFacts {
     /// Number or day of its value.
     number: Option<f64>,
     parent: Option<u32>,
+}
+
+/// The colours, over the heights that the city has if they are of those. Fails if objects cannot be read.
+pub fn over_heights(color_by: ColorBy, source: &dyn ExportSource) -> Result<ColorBy, SourceError> {
+    if !color_by.is_of_heights() {
+        return Ok(color_by);
+    }
+    let count = source.schema().objects.div_ceil(BLOCK_OBJECTS as u32);
+    let blocks = sampled_blocks(count).map(|block| source.objects(block)).collect::<Result<Vec<_>, _>>()?;
+    Ok(color_by.over_heights(blocks.iter().flatten()))
 }
 
 /// The colours of `objects`: of all kinds of which one has a value, itself, by its parent or by its parts, as viewers have them. Fails if

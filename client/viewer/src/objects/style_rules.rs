@@ -4,7 +4,7 @@ use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder, c
 use crate::source::FetchError;
 use insula_objects::{
     Schema, Value,
-    color::{ColorBy, Legend},
+    color::{ColorBy, Legend, sampled_blocks},
     filter::Filter,
     value::ValueType,
 };
@@ -102,7 +102,12 @@ impl StyleRules {
 impl CityObjects {
     /// How all objects are drawn. Fetches all blocks, unless the source evaluates a filter. Fails if the rules are invalid, or if a block cannot be fetched.
     pub async fn styles(&self, rules: &StyleRules) -> Result<StyledObjects, RulesError> {
-        let query = rules.query(self.schema())?;
+        let mut query = rules.query(self.schema())?;
+        if rules.range.is_none()
+            && let Some(color) = query.color.take()
+        {
+            query.color = Some(self.over_heights(color).await?);
+        }
         if let (None, Some(text)) = (&query.color, rules.filter_text(self.schema()))
             && let Some(filtered) = self.filter(&text).await?
         {
@@ -125,6 +130,18 @@ impl CityObjects {
         let legend = query.color.as_ref().map(ColorBy::legend);
         let (styles, passing) = builder.finish(&query);
         Ok(StyledObjects { styles, legend, passing })
+    }
+
+    /// The colours, over the heights that the city has if they are of those.
+    async fn over_heights(&self, color: ColorBy) -> Result<ColorBy, FetchError> {
+        if !color.is_of_heights() {
+            return Ok(color);
+        }
+        let mut blocks = Vec::new();
+        for block in sampled_blocks(self.block_count()) {
+            blocks.extend(self.block(block).await?);
+        }
+        Ok(color.over_heights(blocks.iter().map(|block| &**block)))
     }
 }
 

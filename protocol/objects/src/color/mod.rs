@@ -2,7 +2,10 @@
 //!
 //! Numbers and dates have a gradient over a range, texts and booleans have classes: their most frequent values.
 
+mod heights;
 mod palette;
+
+pub use heights::sampled_blocks;
 
 use crate::{
     block::ObjectBlock,
@@ -24,7 +27,7 @@ pub const NO_DATA_RGB: [u8; 3] = [211, 211, 211];
 pub const OTHER_RGB: [u8; 3] = [128, 128, 128];
 /// Maximum bytes of a text that [`ColorBy::parse`] reads.
 const MAX_TEXT_BYTES: usize = 512;
-/// Heights have no range in a schema. In metres.
+/// Heights have no range in a schema: it is this one, in metres, until [`ColorBy::over_heights`] has seen some.
 const HEIGHT_RANGE_M: [f64; 2] = [0.0, 100.0];
 /// Number of colours of a legend's ramp, and of its labelled entries.
 const RAMP_STOPS: usize = 32;

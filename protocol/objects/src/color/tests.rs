@@ -108,6 +108,38 @@ fn objects_are_coloured_by_attributes_and_fields() {
 }
 
 #[test]
+fn gradients_of_heights_end_where_nearly_all_objects_do() {
+    let schema = schema();
+    let record = |height_dm: i32| {
+        let bounds = Some(ObjectBounds { min: [0; 3], max: [10, 10, height_dm] });
+        Some(ObjectRecord {
+            identifier: "a".into(),
+            kind: FeatureKind::Building,
+            parent: None,
+            bounds,
+            attributes: Vec::new(),
+        })
+    };
+    let range = |text: &str, heights_dm: &[i32]| {
+        let records: Vec<_> = heights_dm.iter().map(|height_dm| record(*height_dm)).collect();
+        let block = ObjectBlock::decode(0, &block::encode(0, &records, &schema).unwrap(), &schema).unwrap();
+        ColorBy::parse(text, &schema).unwrap().over_heights([&block]).range()
+    };
+    // Houses, and one tower among a hundred.
+    let mut town = vec![60; 99];
+    assert_eq!(range("height", &town), Some([0.0, 10.0]));
+    town.push(1500);
+    assert_eq!(range("height:magma", &town), Some([0.0, 10.0]));
+    assert_eq!(range("height", &[1500, 9990]), Some([0.0, 200.0]));
+    assert_eq!(range("height", &[99_990]), Some([0.0, 400.0]));
+    // Nothing to go by, and colours of something else.
+    assert_eq!(range("height", &[0]), Some([0.0, 100.0]));
+    assert_eq!(range("year", &town), Some([1900.0, 1999.0]));
+    assert_eq!(sampled_blocks(3).collect::<Vec<_>>(), [0, 1, 2]);
+    assert!(sampled_blocks(100_000).count() <= 64 && sampled_blocks(0).next().is_none());
+}
+
+#[test]
 fn errors_suggest_names() {
     let message = |text: &str| ColorBy::parse(text, &schema()).unwrap_err().to_string();
     assert_eq!(message("yaer"), "objects have no attribute yaer: did you mean year?");
