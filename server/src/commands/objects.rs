@@ -100,9 +100,34 @@ fn schema_table(size: &str, schema: &Schema) -> String {
             }
             _ => top.iter().take(4).map(|(text, _)| text.as_str()).collect::<Vec<_>>().join(", "),
         };
-        let values: String = printable(&values).chars().take(60).collect();
+        let values = shortened(&printable(&values));
         let _ =
             writeln!(out, "{:<32} {:<8} {count:>9}  {values}", printable(&named(schema, name)), value_type.to_string());
     }
     out
+}
+
+/// A text of at most so many characters, which says whether there is more.
+fn shortened(text: &str) -> String {
+    const MAX_CHARS: usize = 60;
+    match text.chars().nth(MAX_CHARS) {
+        Some(_) => text.chars().take(MAX_CHARS - 1).chain(['…']).collect(),
+        None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_objects::{SchemaBuilder, Value};
+
+    #[test]
+    fn values_that_are_cut_end_in_dots() {
+        let mut builder = SchemaBuilder::default();
+        builder.add("name", &Value::Text("x".repeat(80)));
+        builder.add("use", &Value::Text("y".repeat(60)));
+        let table = schema_table("1 building", &builder.finish(1));
+        let cut = "  ".to_owned() + &"x".repeat(59) + "…\n";
+        assert!(table.contains(&cut) && table.contains(&("y".repeat(60) + "\n")), "{table}");
+    }
 }
