@@ -16,14 +16,13 @@ pub fn degrees_fault(manifest: &Manifest, [x, y]: [f64; 2]) -> Option<String> {
     let is_near = |longitude: f64, latitude: f64| {
         (longitude - place.longitude_deg).abs() <= NEAR_DEG && (latitude - place.latitude_deg).abs() <= NEAR_DEG
     };
-    if !is_far || !(is_near(x, y) || is_near(y, x)) {
-        return None;
-    }
     let system = manifest.crs.as_deref().unwrap_or("the city");
     let [middle_x, middle_y] = [0, 1].map(|k| (low[k] + high[k]) / 2.0);
-    Some(format!(
-        "--camera {x},{y},...: these are degrees: write metres of {system}, the middle of the city is {middle_x:.0},{middle_y:.0}"
-    ))
+    (is_far && (is_near(x, y) || is_near(y, x))).then(|| {
+        format!(
+            "--camera {x},{y},...: these are degrees: write metres of {system}, the middle of the city is {middle_x:.0},{middle_y:.0}"
+        )
+    })
 }
 
 /// Says that a camera is inside of a building or below the ground, and whether it stays there or is lifted by so many metres.

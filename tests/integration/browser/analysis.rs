@@ -97,7 +97,10 @@ pub(super) fn a_result_leaves_a_phone_free() -> Result<()> {
     keep(&page, "analysis-phone")?;
     let covered = page.page.evaluate(COVERED)?;
     ensure!(covered == json!([]), "{covered}");
-    let middle = page.page.evaluate("document.elementFromPoint(innerWidth / 2, innerHeight / 2).localName")?;
+    // What was asked about is in the middle of the view.
+    let in_middle = "(city => document.elementFromPoint(city.x + city.width / 2, city.y + city.height / 2).localName)\
+        (document.querySelector('insula-city').getBoundingClientRect())";
+    let middle = page.page.evaluate(in_middle)?;
     ensure!(middle == "insula-city", "{middle} lies over the result");
     let is_legend_seen = "(legend => document.elementFromPoint(legend.left + 9, legend.top + 9).closest('.classes') !== null)\
         (document.querySelector('.classes').getBoundingClientRect())";
