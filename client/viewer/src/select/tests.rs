@@ -80,6 +80,13 @@ pub(crate) fn tree() -> SceneTree {
     tree
 }
 
+/// A tree of the leaf in the south-west and the nodes above it, without resident tiles.
+pub(crate) fn tree_of_one_leaf() -> SceneTree {
+    let mut tree = SceneTree::new(manifest(DEPTH));
+    subtrees(DEPTH, |id| id.x() > 0 || id.y() > 0).iter().for_each(|s| tree.merge(s));
+    tree
+}
+
 /// A view of 640 x 360 pixels with a large budget. Coordinates are relative to the city's origin.
 pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let (position, target) = (DVec3::from(position) + ORIGIN, DVec3::from(target) + ORIGIN);

@@ -11,7 +11,7 @@ use crate::{
     scene::{SceneTree, TileKey},
     select::{Selection, occlusion_feedback::OcclusionFeedback, priority::PriorityGroup, transitions::Transitions},
 };
-use insula_protocol::TileId;
+use insula_protocol::{TileId, TileKind};
 use std::time::Duration;
 
 /// People are told after the server has not responded for this time.
@@ -47,7 +47,18 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether the last selection can be drawn: it shows something of the city, or nothing of the city is in view.
     pub fn has_frame(&self) -> bool {
-        !self.selection.draw_tiles.is_empty() || self.tree().root().is_some() && !self.lacks_tiles()
+        !self.selection.draw_tiles.is_empty() || self.tree().root().is_some() && !self.may_show_more()
+    }
+
+    /// Whether tiles that are wanted may add something to an empty draw list. With the root's tile all areas in view are drawn, so those of
+    /// known nodes do not: they are refined into children out of view, or cast shadows. Frames that wait for them would wait for ever,
+    /// because they in turn wait for the hits of a frame.
+    fn may_show_more(&self) -> bool {
+        let root = TileKey::block_map(TileId::ROOT);
+        self.selection.requests.iter().any(|wanted| {
+            let is_in_view = wanted.group <= PriorityGroup::Normal;
+            is_in_view && (wanted.key == root || wanted.key.kind() == TileKind::Subtree)
+        })
     }
 
     /// Number of tiles that the last selection's frame lacks, preloaded ones aside.

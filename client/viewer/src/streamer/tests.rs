@@ -7,7 +7,7 @@ use crate::{
     scene::TileState,
     select::{
         priority::TileRequest,
-        tests::{load, tree, view},
+        tests::{load, tree, tree_of_one_leaf, view},
     },
     source::FetchError,
 };
@@ -91,6 +91,25 @@ fn a_view_of_nothing_is_drawn_once_the_city_is_known() {
     streamer.select_and_request(&FrameRequest { camera: away, ..request }, NOW);
     assert!(!streamer.has_frame());
     assert_eq!(streamer.stream_status(NOW), StreamStatus::Loading);
+}
+
+#[test]
+fn land_beside_the_nodes_of_a_city_is_drawn_before_their_tiles_arrive() {
+    let mut tree = tree_of_one_leaf();
+    load(&mut tree, TileKey::block_map(TileId::ROOT));
+    let downloads = Downloads::new(Unresponsive { fails: false, started: Vec::new() }, 12);
+    let mut streamer = Streamer::new(tree, downloads, 10_000);
+    // In the square of the root's child, and beside that child's.
+    let camera = view([900.0, 880.0, 200.0], [900.0, 900.0, 0.0]).camera;
+    let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0, switching: None };
+    streamer.select_and_request(&request, NOW);
+    assert!(streamer.selection.draw_tiles.is_empty() && streamer.lacks_tiles());
+    assert!(streamer.is_blind() && streamer.has_frame());
+    // The frame's hits let the tiles be requested.
+    let query = OcclusionQuery { nodes: Vec::new(), view: streamer.view(&request, camera), generation: 1 };
+    streamer.report_hits(&query, &[]);
+    streamer.select_and_request(&request, NOW);
+    assert!(!streamer.is_blind() && waiting(&streamer).is_empty());
 }
 
 #[test]
