@@ -64,24 +64,13 @@ impl WallKind {
 }
 
 /// Extent of an object, measured before its surfaces get colours.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct ObjectShape {
     /// Area of the upward surfaces, seen from above.
     footprint_m2: f64,
 }
 
-impl Default for ObjectShape {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl ObjectShape {
-    /// The shape of nothing.
-    pub fn new() -> Self {
-        Self { footprint_m2: 0.0 }
-    }
-
     /// Adds a surface by its area seen from above, negative if it looks down.
     pub fn add(&mut self, up_m2: f64) {
         self.footprint_m2 += up_m2.max(0.0);
@@ -166,7 +155,7 @@ mod tests {
 
     fn shape(width_m: f64) -> ObjectShape {
         let ring = [[0.0, 0.0, 8.0], [width_m, 0.0, 8.0], [width_m, 10.0, 8.0], [0.0, 10.0, 8.0]];
-        let mut shape = ObjectShape::new();
+        let mut shape = ObjectShape::default();
         shape.add(area_vector(&ring).z);
         shape.add(area_vector(&ring.map(|[x, y, _]| [y, x, 0.0])).z);
         shape

@@ -205,7 +205,7 @@ impl<'o> SceneSink<'_, 'o, '_> {
         let roof = RoofTags::of(attributes, hints, |name| {
             report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
         });
-        let look = BuildingLook::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::new());
+        let look = BuildingLook::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::default());
         let colours = building_colours(attributes, &options.palette, &look, |detail| {
             report.problem("colour not understood", || format!("{id}: {detail}"));
         });

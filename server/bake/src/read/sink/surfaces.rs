@@ -67,7 +67,7 @@ impl SceneSink<'_, '_, '_> {
             .map(|mesh| mesh.positions.iter().map(|position| self.place_in_space(*position)).collect())
             .collect();
         let is_turned = self.is_turned(object, (polygons, &placed), (meshes, &placed_meshes));
-        let mut shape = ObjectShape::new();
+        let mut shape = ObjectShape::default();
         let (mut up_m2, mut down_m2) = (0.0, 0.0);
         for (surface, points) in polygons.iter().zip(&placed) {
             let z = area_vector(outer_ring(surface, points)).z;
