@@ -41,9 +41,7 @@ pub(crate) fn hatched(rings: &Rings, hatch: &Hatch, units_per_mm: f64) -> Vec<Ve
     for (k, crossings) in crossings.iter_mut().enumerate() {
         let v = (first + k as f64) * spacing;
         crossings.sort_by(f64::total_cmp);
-        for pair in crossings.chunks_exact(2) {
-            lines.push(vec![back([pair[0], v]), back([pair[1], v])]);
-        }
+        lines.extend(crossings.chunks_exact(2).map(|pair| vec![back([pair[0], v]), back([pair[1], v])]));
     }
     lines
 }

@@ -95,9 +95,7 @@ impl PlainMesh {
     fn edge_uses(&self) -> Vec<EdgeUse> {
         let mut uses: Vec<EdgeUse> = Vec::with_capacity(3 * self.triangles.len());
         for (t, [a, b, c]) in (0..).zip(&self.triangles) {
-            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
-                uses.push(([from.min(to), from.max(to)], t));
-            }
+            uses.extend([(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| ([from.min(to), from.max(to)], t)));
         }
         uses.sort_unstable();
         uses

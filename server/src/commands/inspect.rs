@@ -132,9 +132,7 @@ fn to_table(stats: &CityStats<'_>) -> String {
         "\n{:>5} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9}   error m",
         "level", "cell m", "nodes", "bytes", "min", "mean", "max"
     );
-    for level in &stats.levels {
-        out.push_str(&level_row(level));
-    }
+    out.extend(stats.levels.iter().map(level_row));
     if !stats.meshes.is_empty() {
         out.push_str("\n mesh    leaves      bytes triangles    pixels   max error m\n");
     }

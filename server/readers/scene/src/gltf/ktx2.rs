@@ -101,9 +101,8 @@ fn unpack(bytes: &[u8], texels: u64) -> Result<Vec<u8>, &'static str> {
     put(48, (HEADER_BYTES + LEVEL_BYTES) as u32);
     // No key-values and no global data.
     (56..80).step_by(4).for_each(|at| put(at, 0));
-    for value in [level_start + padding, level.len(), level.len()] {
-        plain.extend((value as u64).to_le_bytes());
-    }
+    let place = [level_start + padding, level.len(), level.len()];
+    plain.extend(place.iter().flat_map(|value| (*value as u64).to_le_bytes()));
     plain.extend(descriptor);
     plain.extend(std::iter::repeat_n(0, padding));
     plain.extend(level);

@@ -265,11 +265,8 @@ impl<'a> SceneBuilder<'a> {
             instancing.attributes.get(name).map(|index| accessor::column(root, buffers, *index)).transpose()
         };
         let (moves, turns, scales) = (column("TRANSLATION")?, column("ROTATION")?, column("SCALE")?);
-        let mut counts = Vec::new();
-        for index in instancing.attributes.values() {
-            counts.push(root.accessors.get(*index).map_or(0, |accessor| accessor.count));
-        }
-        let count = counts.into_iter().min().unwrap_or(0);
+        let count_of = |index: &usize| root.accessors.get(*index).map_or(0, |accessor| accessor.count);
+        let count = instancing.attributes.values().map(count_of).min().unwrap_or(0);
         let has_content = |name: &str| {
             let accessor = instancing.attributes.get(name).and_then(|index| root.accessors.get(*index));
             accessor.is_some_and(|accessor| accessor.buffer_view.is_some())

@@ -211,9 +211,8 @@ fn version_1_is_converted() {
     let mut text = json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut glb = b"glTF".to_vec();
-    for word in [1, 20 + text.len() + body.len(), text.len(), 0] {
-        glb.extend((word as u32).to_le_bytes());
-    }
+    let words = [1, 20 + text.len() + body.len(), text.len(), 0];
+    glb.extend(words.iter().flat_map(|word| (*word as u32).to_le_bytes()));
     glb.extend(&text);
     glb.extend(&body);
     let scene = document::decode_bytes(&glb).expect("readable");

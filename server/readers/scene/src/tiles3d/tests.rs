@@ -44,9 +44,8 @@ fn tile(magic: &[u8; 4], tables: [&[u8]; 4], more: &[u32], rest: &[u8]) -> Vec<u
     let length = 28 + 4 * more.len() + tables.iter().map(|table| table.len()).sum::<usize>() + rest.len();
     let mut bytes = magic.to_vec();
     let lengths = tables.iter().map(|table| table.len() as u32);
-    for number in [1, length as u32].into_iter().chain(lengths).chain(more.iter().copied()) {
-        bytes.extend(number.to_le_bytes());
-    }
+    let numbers = [1, length as u32].into_iter().chain(lengths).chain(more.iter().copied());
+    bytes.extend(numbers.flat_map(u32::to_le_bytes));
     tables.iter().for_each(|table| bytes.extend(*table));
     bytes.extend(rest);
     bytes
@@ -60,9 +59,7 @@ fn b3dm(features: &Value, batch: &Value, glb: &[u8]) -> Vec<u8> {
 fn cmpt(inner: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = b"cmpt".to_vec();
     let length = 16 + inner.iter().map(Vec::len).sum::<usize>();
-    for number in [1, length as u32, inner.len() as u32] {
-        bytes.extend(number.to_le_bytes());
-    }
+    bytes.extend([1, length as u32, inner.len() as u32].iter().flat_map(|number| number.to_le_bytes()));
     inner.iter().for_each(|tile| bytes.extend(tile));
     bytes
 }

@@ -228,9 +228,7 @@ pub(super) fn pbf_file(blocks: &[&[u8]]) -> Vec<u8> {
     bytes(&mut header, 4, b"OsmSchema-V0.6");
     bytes(&mut header, 4, b"DenseNodes");
     let mut file = blob("OSMHeader", &zlib_blob(&header, header.len() as u64));
-    for block in blocks {
-        file.extend(blob("OSMData", &zlib_blob(block, block.len() as u64)));
-    }
+    file.extend(blocks.iter().flat_map(|block| blob("OSMData", &zlib_blob(block, block.len() as u64))));
     file
 }
 

@@ -135,9 +135,7 @@ fn polygon_wkb(rings: &[Vec<[f64; 2]>], z: Option<f64>) -> Vec<u8> {
     for ring in rings {
         wkb.extend((ring.len() as u32).to_le_bytes());
         for [x, y] in ring {
-            for value in [Some(*x), Some(*y), z].into_iter().flatten() {
-                wkb.extend(value.to_le_bytes());
-            }
+            wkb.extend([Some(*x), Some(*y), z].into_iter().flatten().flat_map(f64::to_le_bytes));
         }
     }
     wkb

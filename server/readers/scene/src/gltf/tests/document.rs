@@ -54,9 +54,8 @@ impl Document {
         let mut binary = self.buffer.clone();
         binary.resize(binary.len().next_multiple_of(4), 0);
         let mut glb = b"glTF".to_vec();
-        for word in [2, 28 + text.len() + binary.len(), text.len(), 0x4e4f_534a] {
-            glb.extend((word as u32).to_le_bytes());
-        }
+        let words = [2, 28 + text.len() + binary.len(), text.len(), 0x4e4f_534a];
+        glb.extend(words.iter().flat_map(|word| (*word as u32).to_le_bytes()));
         glb.extend(text);
         glb.extend((binary.len() as u32).to_le_bytes());
         glb.extend(0x004e_4942u32.to_le_bytes());
