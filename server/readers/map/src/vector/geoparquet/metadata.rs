@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::vector::csv::GEOMETRY_NAMES;
 use crate::vector::feature::{DEGREES, are_apart};
 
-/// Names of geometry columns of files without metadata, in lower case. Columns of texts have those of CSV.
+/// Names of geometry columns of files without metadata, in lower case, the most certain first. Columns of texts have those of CSV.
 const USUAL_NAMES: [&str; 5] = ["geometry", "geom", "wkb_geometry", "wkb", "the_geom"];
 /// Columns that a message names.
 const NAMED_COLUMNS: usize = 12;
@@ -125,7 +125,7 @@ fn encoding_of(name: &str) -> Option<GeometryEncoding> {
     Some(GeometryEncoding::Nested(kind))
 }
 
-/// The first column of parquet's own geometry type, else one of bytes or texts with a usual name.
+/// The first column of parquet's own geometry type, else the one of bytes, or else of texts, with the most certain of the usual names.
 fn of_types(metadata: &ParquetMetaData, schema: &Schema) -> Option<GeoColumn> {
     let named = |name: &str, encoding: GeometryEncoding, crs: Option<String>| GeoColumn {
         name: name.to_owned(),
@@ -145,9 +145,11 @@ fn of_types(metadata: &ParquetMetaData, schema: &Schema) -> Option<GeoColumn> {
         return Some(named(column.name(), GeometryEncoding::Wkb, Some(crs)));
     }
     let usual = |names: &[&str], kind: &DataType| {
-        let mut columns = schema.fields().iter().filter(|field| field.data_type() == kind);
-        let is_usual = |name: &str| names.iter().any(|usual| usual.eq_ignore_ascii_case(name));
-        columns.find(|field| is_usual(field.name())).map(|field| field.name().clone())
+        let named = |usual: &&str| {
+            let mut columns = schema.fields().iter().filter(|field| field.data_type() == kind);
+            columns.find(|field| field.name().eq_ignore_ascii_case(usual)).map(|field| field.name().clone())
+        };
+        names.iter().find_map(named)
     };
     let of_bytes = usual(&USUAL_NAMES, &DataType::Binary).map(|name| named(&name, GeometryEncoding::Wkb, None));
     let of_texts = || usual(&GEOMETRY_NAMES, &DataType::Utf8).map(|name| named(&name, GeometryEncoding::Text, None));

@@ -196,6 +196,10 @@ fn columns_of_texts_are_geometries() {
         let refused = run(read_geoparquet, &[("a.parquet", &other)], None).0.unwrap_err();
         assert!(refused.to_string().contains("its columns: note"), "{refused}");
     }
+    let texts = |value: &str| Arc::new(StringArray::from(vec![value])) as ArrayRef;
+    let columns = vec![("shape", texts("gabled")), ("wkt", texts("POLYGON((500 600, 510 600, 510 620, 500 600))"))];
+    let sink = read(read_geoparquet, &[("a.parquet", &file(columns, None, Compression::SNAPPY))]);
+    assert_eq!(sink.objects.len(), 1, "the most certain name counts, not the first column");
 }
 
 #[test]
