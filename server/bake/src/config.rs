@@ -143,9 +143,11 @@ impl BakeOptions {
     /// read, which the bake reports.
     #[must_use]
     pub fn read_paths(&self) -> Vec<PathBuf> {
-        let ReadOptions { surroundings, streets, texture_roots, placing, landmarks, .. } = &self.read;
+        let ReadOptions { surroundings, streets, texture_roots, placing, landmarks, proposal, .. } = &self.read;
         let inputs = self.inputs.iter().chain(&surroundings.files).chain(streets).chain(&self.reuse);
-        let others = texture_roots.iter().chain(&placing.grids).chain(landmarks).chain(&self.named_files);
+        let proposed = proposal.iter().flat_map(|proposal| &proposal.files);
+        let others =
+            texture_roots.iter().chain(&placing.grids).chain(landmarks).chain(&self.named_files).chain(proposed);
         let meshes = landmarks.iter().flat_map(|file| meshes_of(file).unwrap_or_default());
         inputs.flat_map(|input| named_paths(input)).chain(others.cloned()).chain(meshes).collect()
     }
@@ -398,6 +400,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::ProposalOptions;
     use insula_test_support::folder::TestFolder;
 
     fn options() -> BakeOptions {
@@ -418,13 +421,14 @@ mod tests {
         let path = |name: &str| folder.path.join(name);
         std::fs::write(path("l.json"), r#"{"landmarks":[{"mesh":"work/a.obj"},{"mesh":"b.ply"},{}]}"#).unwrap();
         let landmarks = |name: &str| ReadOptions { landmarks: Some(path(name)), ..ReadOptions::default() };
+        let proposal = Some(ProposalOptions { files: vec![path("m.obj")], ..ProposalOptions::default() });
         let options = BakeOptions {
             inputs: vec![path("a.gml")],
-            read: landmarks("l.json"),
+            read: ReadOptions { proposal, ..landmarks("l.json") },
             named_files: vec![path("p.json")],
             ..options()
         };
-        let expected = ["a.gml", "l.json", "p.json", "work/a.obj", "b.ply"].map(path);
+        let expected = ["a.gml", "l.json", "p.json", "m.obj", "work/a.obj", "b.ply"].map(path);
         assert_eq!(options.read_paths(), expected);
         let missing = BakeOptions { read: landmarks("none.json"), ..options };
         assert_eq!(missing.read_paths(), ["a.gml", "none.json", "p.json"].map(path));

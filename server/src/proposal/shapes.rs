@@ -88,7 +88,8 @@ impl ProposedChange {
             removed.push(RemovedObject { identifier: identifier.to_owned(), bounds_m });
         }
         self.say(&notes);
-        Ok(ProposalOptions { title: proposal.name().to_owned(), added, removed, missing })
+        let (title, files) = (proposal.name().to_owned(), proposal.files());
+        Ok(ProposalOptions { title, added, removed, missing, files })
     }
 
     /// As [`Self::lifts_in`]. Fails, in addition, if nothing is changed.

@@ -13,6 +13,8 @@ pub struct ProposalOptions {
     pub removed: Vec<RemovedObject>,
     /// Identifiers of buildings that are to be removed, and are not there.
     pub missing: Vec<String>,
+    /// The files that it names: the bake replaces and removes none of them.
+    pub files: Vec<PathBuf>,
 }
 
 /// What is added.

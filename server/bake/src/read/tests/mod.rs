@@ -63,7 +63,7 @@ fn a_proposal_removes_what_it_names_and_adds_what_is_no_duplicate() {
         // It lies at height 0, so it has none of its own.
         let model = add("again.obj", AddedContent::Model { base_m: 7.0 });
         let added = vec![model, add("block.geojson", AddedContent::Block(block.clone()))];
-        let proposal = ProposalOptions { title: "Plan".to_owned(), added, removed, missing: Vec::new() };
+        let proposal = ProposalOptions { title: "Plan".to_owned(), added, removed, ..ProposalOptions::default() };
         let options = ReadOptions { proposal: Some(proposal), ..ReadOptions::default() };
         read_embedded(&[("town.obj", TOWN.as_bytes())], &options, &|_| {}).unwrap()
     };
