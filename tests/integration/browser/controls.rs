@@ -66,14 +66,17 @@ const LEGEND: &str = "(() => {
 
 fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
     // With all tools that a page can have.
+    let (city, proposals) = (fixtures::baked_chiba()?, tempfile::tempdir()?);
+    std::fs::create_dir(proposals.path().join(city.file_name().unwrap_or_default()))?;
+    let settings = ["analyses.at_once=1".to_owned(), format!("site.proposals={}", proposals.path().display())];
     let mut command = Command::new(program("insula-server")?);
-    let server = ServerProcess::start(&mut command, &fixtures::baked_chiba()?, "127.0.0.1:0", &["analyses.at_once=1"])?;
+    let server = ServerProcess::start(&mut command, &city, "127.0.0.1:0", &settings.each_ref().map(String::as_str))?;
     let browser = browser(false)?;
     let [width, height] = options.size;
     let page = CityPage::open(&browser, options, &url(&server))?;
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
     let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
-    ensure!(panels >= 10, "{panels} panels");
+    ensure!(panels >= 11, "{panels} panels");
     page.page.evaluate(LEGEND)?;
     for panel in 0..=panels {
         // After the last one, none is open but the menu, where there is one.
