@@ -97,15 +97,19 @@ pub(super) fn write_proposals(site: &mut SiteFolder, city: &CityStore, brand: &B
     Ok(true)
 }
 
-/// Proposals are a part of the bake.
+/// Proposals are a part of the bake. Fails if there are some.
 #[cfg(not(feature = "bake"))]
-pub(super) fn write_proposals(_: &mut SiteFolder, _: &CityStore, _: &Brand) -> Result<bool, CommandError> {
-    Ok(false)
+pub(super) fn write_proposals(_: &mut SiteFolder, city: &CityStore, brand: &Brand) -> Result<bool, CommandError> {
+    brand.proposals_of(&city.manifest().name).map_or(Ok(false), |_| Err(can_only_serve("--proposals")))
 }
 
 /// Tilesets are a part of the bake.
 #[cfg(not(feature = "bake"))]
 pub(super) fn write_tileset(_: &mut SiteFolder, _: &CityStore) -> Result<(), CommandError> {
-    let reason = "--tileset: this program can only serve; use one that was built with the feature `bake`";
-    Err(CommandError::Bake(reason.into()))
+    Err(can_only_serve("--tileset"))
+}
+
+#[cfg(not(feature = "bake"))]
+fn can_only_serve(option: &str) -> CommandError {
+    CommandError::Bake(format!("{option}: this program can only serve; use one that was built with the feature `bake`"))
 }
