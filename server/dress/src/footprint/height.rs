@@ -265,6 +265,10 @@ mod tests {
             (r#""12′6″""#, 3.81),
             (r#""12’6”""#, 3.81),
             (r#""12,5 mètres""#, 12.5),
+            (r#""39 ft 4 in""#, 11.9888),
+            (r#""39ft 4in""#, 11.9888),
+            (r#""~12""#, 12.0),
+            (r#""Ca. 12,5 m""#, 12.5),
             (r#""12 м""#, 12.0),
             (r#""6'4""#, 1.9304),
             (r#""100\"""#, 2.54),
@@ -287,6 +291,9 @@ mod tests {
         assert_eq!(height(attic), (0.0, 6.0, vec!["height guessed from levels".to_owned()]));
         let flat = r#"{"building:levels": 3, "roof:levels": 0}"#;
         assert_eq!(height(flat), (0.0, 9.0, vec!["height guessed from levels".to_owned()]));
+        for above_ground in ["R+2", "G + 2", "R+2+C"] {
+            assert_eq!(height(&format!(r#"{{"levels": "{above_ground}"}}"#)).1, 9.0, "{above_ground}");
+        }
         assert_eq!(height(r#"{"building:levels": 0}"#), (0.0, 6.0, vec!["height guessed".to_owned()]));
         assert_eq!(height("{}"), (0.0, 6.0, vec!["height guessed".to_owned()]));
         assert_eq!(height(r#"{"min_height": 10}"#), (10.0, 16.0, vec!["height guessed".to_owned()]));
@@ -319,9 +326,20 @@ mod tests {
 
     #[test]
     fn invalid_heights_are_reported_and_ignored() {
-        for text in
-            ["0", "-3", "1e9", "true", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#, r#""5'x""#, r#""5'99\"""#]
-        {
+        for text in [
+            "0",
+            "-3",
+            "1e9",
+            "true",
+            r#""tall""#,
+            r#""12 km""#,
+            r#""5-7""#,
+            r#""nan""#,
+            r#""5'x""#,
+            r#""5'99\"""#,
+            r#""5 ft 4 m""#,
+            r#""R+""#,
+        ] {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
             assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
             assert_eq!(notes, [NOT_UNDERSTOOD, GUESSED_FROM_LEVELS], "{text}");

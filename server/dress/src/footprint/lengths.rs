@@ -11,6 +11,10 @@ const ROOF_HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heig
 /// Valid heights of roofs.
 pub(super) const ROOF_HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
 const INCH_M: f64 = 0.0254;
+/// Words and signs before a number that is about right, in lower case.
+const ABOUT: &[&str] = &["~", "≈", "ca.", "ca ", "circa ", "approx.", "approx ", "about ", "etwa ", "env."];
+/// Before the number of storeys above the one on the ground: `R+2` in French, `G+2` in English.
+const GROUND_FLOOR: [char; 4] = ['R', 'r', 'G', 'g'];
 
 /// The height of a roof that is not flat, as attributes give it in metres; `None` if they do not, or only in storeys.
 /// A plain number is in a unit of `plain_m` metres.
@@ -48,15 +52,19 @@ pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
     }
 }
 
-/// The number in a text such as `3 floors`.
+/// The number in a text such as `3 floors`, `G+2` or, with an attic, `R+2+C`.
 pub(super) fn storeys(value: &AttributeValue) -> Option<f64> {
     let text = value.as_str()?.trim();
+    if let Some(upper) = text.strip_prefix(GROUND_FLOOR).and_then(|rest| rest.trim_start().strip_prefix('+')) {
+        let upper = upper.split('+').next().unwrap_or_default();
+        return upper.trim().parse::<f64>().ok().map(|upper| upper + 1.0);
+    }
     let (number, word) = text.split_at(text.find(char::is_alphabetic)?);
     let number = number.trim_end().replace(',', ".").parse().ok()?;
     counts_storeys(word).then_some(number)
 }
 
-/// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.
+/// Parses a length such as `12`, `~12.5 m`, `12,5`, `40 ft`, `40'`, `12'6"` or `12 ft 6 in`, in metres.
 pub fn length_m(text: &str) -> Option<f64> {
     length_in(text, 1.0)
 }
@@ -64,7 +72,8 @@ pub fn length_m(text: &str) -> Option<f64> {
 /// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
 fn length_in(text: &str, plain_m: f64) -> Option<f64> {
     // Of several values the first.
-    let text = text.split(';').next().unwrap_or_default().trim().replace(',', ".");
+    let text = text.split(';').next().unwrap_or_default().trim().to_lowercase().replace(',', ".");
+    let text = ABOUT.iter().find_map(|about| text.strip_prefix(about)).unwrap_or(&text).trim_start();
     let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
     let (number, unit) = text.split_at(end);
     // Primes, and what word processors make of straight marks.
@@ -74,10 +83,21 @@ fn length_in(text: &str, plain_m: f64) -> Option<f64> {
         "\"" => (INCH_M, 0.0),
         unit => match (unit.strip_prefix('\''), metres_of(unit)) {
             (Some(inches), _) => (FOOT_M, inches_m(inches)?),
-            (None, known) => (known?, 0.0),
+            (None, Some(metres)) => (metres, 0.0),
+            (None, None) => feet_and_inches(unit)?,
         },
     };
     number.parse::<f64>().ok().map(|number| number * factor + rest_m)
+}
+
+/// Parses a unit of feet with inches after it, as in `ft 4 in`: metres of a foot, and of the inches.
+fn feet_and_inches(text: &str) -> Option<(f64, f64)> {
+    let (word, inches) = text.split_at(text.find(|c: char| c.is_ascii_digit())?);
+    let foot_m = metres_of(word).filter(|metres| (metres - FOOT_M).abs() < 1e-4)?;
+    let number = inches.trim_end_matches(char::is_alphabetic);
+    let unit = &inches[number.len()..];
+    let is_inches = unit.is_empty() || metres_of(unit).is_some_and(|metres| (metres - INCH_M).abs() < 1e-6);
+    Some((foot_m, inches_m(number).filter(|_| is_inches)?))
 }
 
 /// Parses what follows the mark of feet: nothing, or inches as in `6"`; the mark of inches may be missing, or be `''`.
