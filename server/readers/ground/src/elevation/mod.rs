@@ -169,6 +169,12 @@ impl Elevation {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }
         warnings.extend(facts.crs.other_unit.clone());
+        let mask = format!("{}.msk", unpacked_name(&source.name));
+        if source.files.len(&mask).is_ok() {
+            let advice =
+                "write it into the file with gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES, or give --nodata";
+            warnings.push(format!("{mask} hides pixels and is not read; {advice}"));
+        }
         let (is_picture, guess) = raster.is_picture(unpacked_name(&source.name));
         warnings.extend(guess.map(str::to_owned));
         let place = match facts.place {
