@@ -13,7 +13,7 @@ use crate::proposal::document;
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, Uri},
+    http::{HeaderMap, Method, Uri},
     response::Response,
 };
 use insula_export::source::SourceError;
@@ -41,13 +41,7 @@ pub(super) async fn proposals(
     let key = ComputedKey::Proposals(city.serial());
     let made = state.computed.find_or_make(key, state.work(WorkKind::Filter), client, work).await;
     let made = made.map_err(Shed::problem)?.map_err(|error| unreadable(&state, &city, &error))?;
-    let representation = Representation {
-        etag: made.etag,
-        body: made.body,
-        content_type: HeaderValue::from_static("application/json"),
-        cache_control: REVALIDATE_PRIVATE,
-        encoding: None,
-        vary: None,
-    };
+    let representation =
+        Representation { cache_control: REVALIDATE_PRIVATE, ..made.immutable("application/json", false) };
     Ok(representation.respond(&method, &headers).map(Body::from))
 }

@@ -35,7 +35,8 @@ impl Brand {
         };
         let logo = site.logo.as_ref().map(read).transpose()?;
         let proposals = site.proposals.as_deref().map(folders_in).transpose().unwrap_or_else(|error| {
-            tracing::warn!(%error, "cannot read the folder of site.proposals");
+            let folder = site.proposals.as_deref().unwrap_or(Path::new("")).display();
+            tracing::warn!(%folder, %error, "cannot read the folder of site.proposals: no page shows proposals");
             None
         });
         Ok(Self { logo, site: site.clone(), proposals: proposals.unwrap_or_default() })

@@ -14,10 +14,12 @@ const MOST_TRIANGLES: usize = 1 << 18;
 
 /// The proposals in a folder, `NAME.toml` each, as JSON; and why others are left out. There are none without a folder.
 pub(crate) fn document(folder: Option<&Path>, source: &dyn ExportSource) -> (String, Vec<String>) {
-    let (files, mut faults) = match folder.map(files_in) {
-        Some(Ok(files)) => (files, Vec::new()),
-        Some(Err(error)) => (Vec::new(), vec![format!("the folder of proposals cannot be read: {error}")]),
-        None => (Vec::new(), Vec::new()),
+    let found = folder.map_or(Ok(Vec::new()), |folder| {
+        files_in(folder).map_err(|error| format!("{}: proposals cannot be read: {error}", folder.display()))
+    });
+    let (files, mut faults) = match found {
+        Ok(files) => (files, Vec::new()),
+        Err(fault) => (Vec::new(), vec![fault]),
     };
     let place = source.manifest().crs.as_deref().and_then(EarthPlace::of);
     let (mut all, mut left) = (Vec::new(), MOST_TRIANGLES);
