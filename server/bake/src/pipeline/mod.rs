@@ -71,7 +71,7 @@ pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport
     bake().map_err(|error| error.of_bake(&config.options.out))
 }
 
-/// Bakes a scene that is in memory. `options.inputs` and `options.read` are not used. Fails as [`bake`] does.
+/// Bakes a scene that is in memory: no input is read, and of `options.read` only the unit of heights counts. Fails as [`bake`] does.
 pub fn bake_scene(
     scene: Scene,
     read_report: ReadReport,
