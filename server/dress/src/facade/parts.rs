@@ -134,7 +134,7 @@ impl Storeys {
         });
         let eave_m = eave?.z_m[1] - base_m;
         let height_m = eave_m / ((eave_m / usual_m).round().max(1.0) + PLINTH);
-        (eave_m >= MIN_HEIGHT_M).then(|| Self { base_m: base_m + PLINTH * height_m, height_m })
+        (eave_m >= MIN_HEIGHT_M).then_some(Self { base_m: base_m + PLINTH * height_m, height_m })
     }
 
     /// Joins neighbouring parts with the same storeys, and divides them into bays of about `bay_m`.
