@@ -74,9 +74,8 @@ fn elements_that_cost_the_file_nothing_are_few() {
     document.json["accessors"][0]["version1Stride"] = 0.into();
     document.json["accessors"][0]["count"] = 1_000_000.into();
     assert!(decode_document(&document).expect("readable").primitives.is_empty(), "all corners in one place");
-    let many: [(u64, &dyn Fn(&mut Document)); 2] = [(70_000, &instances), (5_000_000, &colours)];
-    for (count, use_it) in many {
-        let error = with_accessor(count, use_it).expect_err("too many");
+    for error in [with_accessor(70_000, &instances), with_accessor(5_000_000, &colours)] {
+        let error = error.expect_err("too many");
         assert!(matches!(error, InputError::TooLarge { limit: 4_194_304, .. }), "{error}");
     }
 }
