@@ -196,7 +196,10 @@ fn free_height(mut solids: Vec<SolidInterval>, mut z: f64) -> f64 {
 pub fn lifted_eye_z(manifest: &Manifest, solids: Vec<SolidInterval>, z: f64) -> Option<f64> {
     // Below all that stands there is the Earth, and not the outside.
     let is_below = z < manifest.bounds[0][2].min(manifest.ground_z_m);
-    let is_inside = is_below || solids.iter().any(|solid| solid.bottom < z && z < solid.top);
-    let lowest_free = if is_below { manifest.ground_z_m } else { z };
+    // Terrain lies below all else, as a sheet: an eye below all solids at its place is below it.
+    let lowest = solids.iter().min_by(|a, b| a.bottom.total_cmp(&b.bottom));
+    let terrain_z = lowest.filter(|lowest| manifest.has_terrain && z < lowest.bottom).map(|lowest| lowest.top);
+    let is_inside = is_below || terrain_z.is_some() || solids.iter().any(|solid| solid.bottom < z && z < solid.top);
+    let lowest_free = terrain_z.unwrap_or(if is_below { manifest.ground_z_m } else { z });
     is_inside.then(|| free_height(solids, lowest_free) + EYE_HEIGHT_M)
 }

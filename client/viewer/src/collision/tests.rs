@@ -232,6 +232,21 @@ fn eyes_are_lifted_out_of_houses_and_of_the_earth() {
 }
 
 #[test]
+fn eyes_are_lifted_out_of_the_earth_below_terrain() {
+    // A sheet of a metre, 5 m above the plane.
+    let cache = cache_of(vec![block_map(leaf(0, 0), 1.0, &[([15, 15], solid(80, 96))])]);
+    let lifted = |has_terrain: bool, eye: DVec3| {
+        let manifest = Manifest { has_terrain, ..city() };
+        CitySolids::new(&manifest, &cache).lifted_eye_z(eye).map(|z| (z * 10.0).round() / 10.0)
+    };
+    // Below a bridge, where there is no terrain.
+    assert_eq!(lifted(false, at(15.5, 15.5, 2.0)), None);
+    assert_eq!(lifted(true, at(15.5, 15.5, 2.0)), Some(107.7));
+    assert_eq!(lifted(true, at(15.5, 15.5, 7.0)), None);
+    assert_eq!(lifted(true, at(30.0, 30.0, 2.0)), None);
+}
+
+#[test]
 fn open_meshes_are_buildings_bridges_and_sheets() {
     // A house without a floor, a bridge of 1 m, and a sheet with two sides.
     let roof = |side: f64, z: f64, is_up: bool| {
