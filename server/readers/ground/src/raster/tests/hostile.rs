@@ -95,6 +95,28 @@ fn sizes_beyond_the_limits() {
 }
 
 #[test]
+fn many_pixels_in_tiles_that_share_a_place_are_refused() {
+    // 256 or 64 tiles of 1024 x 1024 pixels: four times the limit, or the limit.
+    let image = |side: u16, tile: Vec<u8>| {
+        let tiles = usize::from(side / 1024).pow(2);
+        TestImage::new([side, side], 1, [8, 1], vec![]).tiles([1024, 1024], vec![tile; tiles]).shorts(259, &[8])
+    };
+    let read = open(&image(16_384, vec![1; 99]).shared().file());
+    assert!(matches!(read, Err(RasterError::TooLarge { limit: 67_108_864, .. })));
+    assert!(open(&image(8192, vec![1; 99]).shared().file()).is_ok());
+    assert!(open(&image(16_384, vec![1; 99]).file()).is_ok(), "each tile has a place of its own");
+    assert!(open(&image(16_384, vec![]).file()).is_ok(), "all tiles are left out");
+    let mut long = image(16_384, vec![1; 99]).shared().file();
+    long.resize(1 << 24, 0);
+    // Its tiles have fewer bytes than the file then, and it has a byte for 16 pixels.
+    assert!(open(&long).is_ok());
+    // A smaller copy counts as the image itself does.
+    let copy = image(16_384, vec![1; 99]).shared().shorts(254, &[1]);
+    let read = open(&file(TestForm::default(), &[image(20_480, vec![1; 99]), copy]));
+    assert!(matches!(read, Err(RasterError::TooLarge { limit: 67_108_864, .. })));
+}
+
+#[test]
 fn little_packed_data_that_claims_to_be_much() {
     // Each strip claims to have 1 MB.
     for compression in [5, 7, 8, 32773, 50000, 50001, 34887, 99] {

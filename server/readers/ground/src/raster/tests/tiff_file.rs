@@ -15,6 +15,8 @@ pub(super) struct TestImage {
     pub(super) tags: Vec<(u16, Values)>,
     pub(super) is_tiled: bool,
     pub(super) chunks: Vec<Vec<u8>>,
+    /// All tiles or strips are the first one, which the file has once.
+    pub(super) is_shared: bool,
 }
 
 /// How a file is written.
@@ -27,7 +29,7 @@ pub(super) struct TestForm {
 impl TestImage {
     /// An image of bands of a width and height, with bits of a sample format, in one strip.
     pub(super) fn new([width, height]: [u16; 2], bands: u16, [bits, format]: [u16; 2], pixels: Vec<u8>) -> Self {
-        let image = Self { tags: Vec::new(), is_tiled: false, chunks: vec![pixels] };
+        let image = Self { tags: Vec::new(), is_tiled: false, chunks: vec![pixels], is_shared: false };
         let image = image.shorts(256, &[width]).shorts(257, &[height]).shorts(277, &[bands]);
         image.shorts(258, &vec![bits; bands.into()]).shorts(339, &vec![format; bands.into()])
     }
@@ -47,6 +49,11 @@ impl TestImage {
     pub(super) fn tiles(mut self, [width, height]: [u16; 2], tiles: Vec<Vec<u8>>) -> Self {
         (self.is_tiled, self.chunks) = (true, tiles);
         self.shorts(322, &[width]).shorts(323, &[height])
+    }
+
+    /// Has the first tile or strip once, in the place of all.
+    pub(super) fn shared(self) -> Self {
+        Self { is_shared: true, ..self }
     }
 
     /// The file with this image alone.
@@ -89,11 +96,15 @@ impl TestForm {
     fn append(self, bytes: &mut Vec<u8>, image: &TestImage, link: usize) -> usize {
         let field_size = if self.is_big_tiff { 8 } else { 4 };
         let (mut offsets, mut counts) = (Vec::new(), Vec::new());
+        let start = bytes.len();
         for chunk in &image.chunks {
-            let offset = if chunk.is_empty() { 0 } else { bytes.len() as u64 };
-            self.push(&mut offsets, offset, 4);
+            let is_written = image.is_shared && bytes.len() > start;
+            let place = if is_written { start } else { bytes.len() };
+            self.push(&mut offsets, if chunk.is_empty() { 0 } else { place as u64 }, 4);
             self.push(&mut counts, chunk.len() as u64, 4);
-            bytes.extend(chunk);
+            if !is_written {
+                bytes.extend(chunk);
+            }
         }
         let (offsets_tag, counts_tag) = if image.is_tiled { (324, 325) } else { (273, 279) };
         let count = image.chunks.len();

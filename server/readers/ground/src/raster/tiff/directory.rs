@@ -1,6 +1,8 @@
 //! The directories of a TIFF file: which tags an image has, and where their values are. Values are read when they are
 //! asked for.
 
+use std::ops::Range;
+
 use super::super::error::RasterError;
 use super::super::source::Source;
 
@@ -79,12 +81,21 @@ impl TiffFile {
 
     /// One value of an entry, without reading the others.
     pub(super) fn integer_of(&mut self, entry: Entry, index: u64) -> Result<u64, RasterError> {
+        let values = self.integers_of(entry, index..index.saturating_add(1))?;
+        Ok(values.first().copied().unwrap_or_default())
+    }
+
+    /// Some values of an entry, one after the other.
+    pub(super) fn integers_of(&mut self, entry: Entry, places: Range<u64>) -> Result<Vec<u64>, RasterError> {
         let size = size_of_kind(entry.kind);
-        let offset = index.checked_mul(size).and_then(|skipped| skipped.checked_add(entry.offset));
-        let Some(offset) = offset.filter(|_| index < entry.count && entry.is_integer()) else {
+        let skipped = places.start.checked_mul(size).and_then(|skipped| skipped.checked_add(entry.offset));
+        let bytes = places.end.saturating_sub(places.start).checked_mul(size);
+        let (Some(offset), Some(bytes), true) = (skipped, bytes, places.end <= entry.count && entry.is_integer())
+        else {
             return Err(RasterError::damaged(format!("tag {} has a wrong type or too few values", entry.tag)));
         };
-        self.unsigned_at(offset, size)
+        let bytes = self.source.read_at(offset, bytes)?;
+        Ok(bytes.chunks_exact(size as usize).map(|value| self.unsigned(value)).collect())
     }
 
     /// All values of a tag; none without the tag.

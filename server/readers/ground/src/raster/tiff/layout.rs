@@ -33,6 +33,12 @@ pub(super) const PALETTE: u64 = 3;
 pub(super) const YCBCR: u64 = 6;
 /// An image in one strip without compression is read in pieces of about this size.
 const PIECE_BYTES: u64 = 1 << 20;
+/// Pixels that an image may have for each byte of the file if its tiles or strips lie upon each other.
+const SHARED_PIXELS_PER_BYTE: u64 = 16;
+/// Such an image may have as many in any case.
+const SHARED_PIXELS: u64 = 1 << 26;
+/// Offsets and sizes of tiles that are compared at once.
+const PLACES_AT_ONCE: usize = 1 << 16;
 
 /// How the pixels of one image are stored: in chunks, which are tiles or strips.
 #[derive(Debug)]
@@ -125,7 +131,39 @@ impl Layout {
         if layout.offsets.count < chunks.saturating_mul(planes) {
             return Err(RasterError::damaged("it has too few tiles or strips"));
         }
+        if !layout.is_in_pieces {
+            layout.check_shared(file, chunks.saturating_mul(planes))?;
+        }
         Ok(layout)
+    }
+
+    /// Refuses small files of many pixels: tiles or strips at the same place take time each, and bytes once. They are together
+    /// longer than the file. Those that were left out count for nothing.
+    fn check_shared(&self, file: &mut TiffFile, chunks: u64) -> Result<(), RasterError> {
+        let (len, chunk_pixels) = (file.source.len(), self.chunk.pixels());
+        let limit = len.saturating_mul(SHARED_PIXELS_PER_BYTE).max(SHARED_PIXELS);
+        if chunks.saturating_mul(chunk_pixels) <= limit {
+            return Ok(());
+        }
+        let unpacked = self.packed_row_bytes().saturating_mul(u64::from(self.chunk.height));
+        let (mut pixels, mut bytes) = (0_u64, 0_u64);
+        for first in (0..chunks).step_by(PLACES_AT_ONCE) {
+            let places = first..chunks.min(first + PLACES_AT_ONCE as u64);
+            let offsets = file.integers_of(self.offsets, places.clone())?;
+            let counts = match self.byte_counts {
+                Some(counts) => file.integers_of(counts, places)?,
+                None => vec![unpacked; offsets.len()],
+            };
+            for (_, count) in offsets.into_iter().zip(counts).filter(|(offset, count)| *offset > 0 && *count > 0) {
+                pixels = pixels.saturating_add(chunk_pixels);
+                bytes = bytes.saturating_add(count);
+            }
+        }
+        if bytes > len && pixels > limit {
+            let what = "the number of pixels of an image whose tiles or strips share places in the file";
+            return Err(RasterError::TooLarge { what, limit });
+        }
+        Ok(())
     }
 
     /// Numbers of a pixel in one chunk.
