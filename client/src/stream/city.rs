@@ -93,7 +93,7 @@ impl CityOpener<'_> {
         let json = match (self.fetch(&url)?, page_of(base)) {
             (Some(json), _) => json,
             // The page of a server has no files beside it.
-            (None, Some((server, name))) => return self.server(server, Some(name.to_owned()), false),
+            (None, Some((server, name))) => return self.server(server, Some(name), false),
             (None, None) => return Err(ClientError::Server(missing())),
         };
         let manifest = read_fetched(&url, &json)?;
@@ -313,6 +313,25 @@ mod tests {
             let message = message(place);
             assert!(message.ends_with(advice) && !message.contains("see the list"), "{message}");
         }
+    }
+
+    #[test]
+    fn a_page_with_a_wrong_capital_opens_its_city() {
+        let manifest = serde_json::to_vec(&insula_test_support::small_city::empty_manifest(3)).unwrap();
+        let address = http::serve(move |request, stream| {
+            let (status, body) = match request.target() {
+                "/v1/cities/test" => ("200 OK", &manifest[..]),
+                _ => ("404 Not Found", &b""[..]),
+            };
+            let head = format!("HTTP/1.1 {status}\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", body.len());
+            stream.write_all(&[head.as_bytes(), body].concat()).ok()?;
+            None
+        });
+        let http = Arc::new(Http::new(None).unwrap());
+        let location = CityLocation::parse(format!("http://{address}/cities/Test")).unwrap();
+        let options = OpenOptions { city: None, disk_cache: None, timeout: Duration::from_secs(5) };
+        let opened = open_city(&http, location, &options).unwrap();
+        assert_eq!(opened.address, format!("http://{address}/v1/cities/test"));
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl CityLocation {
             None if path.is_empty() => ("", None),
             None if share.is_some() => match page_of(path) {
                 // A web folder knows no share links, so it is a server's page.
-                Some((prefix, name)) => (prefix, Some(name.to_owned())),
+                Some((prefix, name)) => (prefix, Some(name)),
                 _ => return Err(invalid()),
             },
             None => {
@@ -115,10 +115,12 @@ fn split_prefix(path: &str) -> Option<(&str, &str)> {
     (rest.is_empty() || rest.starts_with('/')).then_some((prefix, rest))
 }
 
-/// Splits the address of a city's page, on a server or a published site: what is before the page's path, and the city's name.
-pub(super) fn page_of(address: &str) -> Option<(&str, &str)> {
-    let name = address.rsplit('/').next()?;
-    let before = is_name(name).then(|| address.strip_suffix(&route::city_page(name)))??;
+/// Splits the address of a city's page, on a server or a published site: what is before the page's path, and the city's name. Capitals
+/// are taken as small letters, as servers do for browsers.
+pub(super) fn page_of(address: &str) -> Option<(&str, String)> {
+    let written = address.rsplit('/').next()?;
+    let name = written.to_ascii_lowercase();
+    let before = is_name(&name).then(|| address.strip_suffix(&route::city_page(written)))??;
     Some((before, name))
 }
 
@@ -149,8 +151,10 @@ mod tests {
         assert_eq!(parsed("https://h/maps/3d/v1/cities/delft/"), server("https://h/maps/3d", Some("delft"), false));
         assert_eq!(parsed("https://h/maps/v1/cities"), server("https://h/maps", None, false));
         assert_eq!(parsed("https://h/v1/citiesque"), CityLocation::WebFolder("https://h/v1/citiesque".into()));
-        assert_eq!(page_of("https://h:1/cities/delft"), Some(("https://h:1", "delft")));
-        assert_eq!((page_of("https://h/maps/delft"), page_of("https://h/cities/A")), (None, None));
+        for page in ["https://h:1/cities/delft", "https://h:1/cities/Delft"] {
+            assert_eq!(page_of(page), Some(("https://h:1", "delft".to_owned())));
+        }
+        assert_eq!((page_of("https://h/maps/delft"), page_of("https://h/cities/a.b")), (None, None));
         for web in ["https://h/maps/delft", "https://h/maps/delft/", "https://h/maps/delft/city.json"] {
             assert_eq!(parsed(web), CityLocation::WebFolder("https://h/maps/delft".into()));
         }
@@ -167,6 +171,7 @@ mod tests {
         };
         assert_eq!(CityLocation::parse(format!("https://h/v1/cities/delft?share={link}")).unwrap(), expected);
         assert_eq!(CityLocation::parse(format!("https://h/cities/delft?share={link}")).unwrap(), expected);
+        assert_eq!(CityLocation::parse(format!("https://h/cities/Delft?share={link}")).unwrap(), expected);
         assert_eq!(expected.to_string(), "https://h/v1/cities/delft");
         for invalid in
             ["https://h/v1/cities/A?share=secret", "https://h/maps/delft?share=secret", "https://h?share=secret&"]
