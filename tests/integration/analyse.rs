@@ -8,6 +8,7 @@ use std::{ffi::OsStr, fs, path::Path};
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         a_house_has_sun_and_shade_where_it_should,
+        weather_takes_the_place_of_a_clear_sky,
         shadows_and_views_are_areas_on_the_map,
         shadows_of_a_day_are_a_file_for_each_time,
         lines_of_sight_say_what_stands_in_the_way,
@@ -125,6 +126,32 @@ fn a_house_has_sun_and_shade_where_it_should() {
     for name in ["sun.tif", "sky.tif", "solar.tif"] {
         assert_eq!(fs::read(folder.join(name)).unwrap()[..4], *b"II*\0", "{name}");
     }
+}
+
+/// On each day five hours around noon have 400 Wh/m2 of the sun and 100 of the sky. Without shade that is 404 and 182 kWh/m2 a year on level
+/// ground.
+fn weather_takes_the_place_of_a_clear_sky() {
+    let folder = baked_city();
+    let folder = folder.path();
+    let mut text =
+        "LOCATION,Delft,-,NLD,made,1,52.0,4.36,1.0,0.0\r\nDATA PERIODS,1,1,Data,Sunday,1/1,12/31\r\n".to_owned();
+    for (month, days) in (1..).zip([31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]) {
+        for (day, hour) in (1..=days).flat_map(|day| (1..=24).map(move |hour| (day, hour))) {
+            let values = if (11..=15).contains(&hour) { "400,100" } else { "0,0" };
+            text += &format!("1999,{month},{day},{hour},60,?9,1,1,50,101325,0,0,300,0,{values},0\r\n");
+        }
+    }
+    fs::write(folder.join("delft.epw"), &text).unwrap();
+    assert_eq!(analyse(folder, "solar --weather delft.epw --out solar.tif --buildings solar.csv"), ok());
+    let rows = rows(&folder.join("solar.csv"));
+    let house = rows.iter().find(|row| row[1] == "feature 1").unwrap();
+    let value = |column: usize| house[column].parse::<f64>().unwrap();
+    // Walls that look north have half of the sky.
+    assert!((560.0..610.0).contains(&value(4)) && (75.0..110.0).contains(&value(7)), "{house:?}");
+    fs::write(folder.join("cut.epw"), &text[..text.len() / 2]).unwrap();
+    let (code, error) = analyse(folder, "solar --weather cut.epw --out cut.tif");
+    assert!(code == Some(2) && error.contains("cut.epw: ") && error.contains("lines of hours"), "{code:?} {error}");
+    assert!(!folder.join("cut.tif").exists());
 }
 
 fn shadows_and_views_are_areas_on_the_map() {
@@ -280,6 +307,10 @@ fn options_that_do_not_fit_are_refused() {
         ("view --between houses.geojson houses.geojson --out a.tif", ".csv"),
         ("view --between houses.geojson --out a.csv", "2 values"),
         ("sun --rule en-17037 --evidence b --out a.tif", "--points"),
+        ("sky --weather houses.geojson --out a.tif", "--weather is an option of solar"),
+        ("solar --weather houses.geojson --out a.tif", "LOCATION"),
+        ("solar --weather none.epw --out a.tif", "--weather none.epw: "),
+        ("solar --weather houses.geojson --turbidity 3 --out a.tif", "--turbidity"),
         ("view --of houses.geojson --out a.tif", "--height"),
         ("sun --rule en-17037 --points houses.geojson --out a.csv", "header"),
         ("sun --rule en-17037 --points houses.geojson --buildings b.csv --out a.csv", "--buildings has no use"),

@@ -13,7 +13,7 @@
 //! | `light`, `tally` | what many positions of a light reach; what is counted of it |
 //! | `sun_hours` | hours of sun by a rule |
 //! | `sky` | sky view factors, vertical sky components |
-//! | `solar` | irradiation of a year under a clear sky |
+//! | `solar`, `weather` | irradiation of a year, without clouds or with the weather of a file |
 //! | `view_shed` | the places that are visible from a point |
 //! | `rays`, `points` | the same for given points, by rays against the finest triangles |
 //! | `eye` | eyes that are inside of a building or below the ground |
@@ -52,3 +52,4 @@ mod test_surface;
 pub mod view_shed;
 pub mod vista;
 pub mod walls;
+pub mod weather;

@@ -5,14 +5,15 @@ use insula_analysis::{
     clock::Moment,
     rule::{DayMode, Measure, Rule},
     sky::sky_view,
-    solar::solar_year,
+    solar::{YearOfSky, solar_year},
     sun::{Bearing, Site},
     sun_hours::{shadow, sun_hours},
     surface::CitySurface,
     walls::WallPoint,
+    weather::WeatherYear,
 };
 use insula_export::raster::CellExtent;
-use insula_protocol::text::count;
+use insula_protocol::text::{count, fixed};
 use serde_json::{Value, json};
 
 /// Height of an eye above the ground.
@@ -23,6 +24,8 @@ const SKY_HEIGHTS_M: [f64; 1] = [EYE_M];
 const SOLAR_HEIGHTS_M: [f64; 1] = [5.0];
 /// Of Linke: the clear air of a temperate country.
 const TURBIDITY: f64 = 3.0;
+/// Weather from further away has a note.
+const NEAR_KM: f64 = 100.0;
 
 /// An area and what lies around it.
 pub(crate) fn grown([min, max]: [[f64; 2]; 2], metres: f64) -> [[f64; 2]; 2] {
@@ -103,28 +106,38 @@ impl Answer {
         }
     }
 
-    /// Irradiation of a year. Without a turbidity and heights of walls, those of a usual one.
+    /// Irradiation of a year. Without a sky and heights of walls, those of a usual one without clouds.
     pub(crate) fn of_solar(
         surface: &mut CitySurface,
         site: &Site,
-        turbidity: Option<f64>,
+        sky: Option<YearOfSky<'_>>,
         heights: &[f64],
         progress: Progress<'_>,
     ) -> Self {
-        let turbidity = turbidity.unwrap_or(TURBIDITY);
+        let sky = sky.unwrap_or(YearOfSky::Clear(TURBIDITY));
         let heights = if heights.is_empty() { &SOLAR_HEIGHTS_M[..] } else { heights };
-        let year = solar_year(surface, site, turbidity, heights, progress);
+        let year = solar_year(surface, site, sky, heights, progress);
+        let (title, mut notes) = match sky {
+            YearOfSky::Clear(turbidity) => (
+                "kWh/m2 a year under a clear sky",
+                vec![format!(
+                    "sun and sky of a year without clouds (Ineichen and Perez 2002, Linke turbidity {turbidity}), on each surface as it \
+                     is inclined; clouds and panels leave less"
+                )],
+            ),
+            YearOfSky::Weather(weather) => {
+                ("kWh/m2 a year with the weather of a file", notes_of_weather(weather, site))
+            }
+        };
+        notes.push(format!("open level ground gets {} kWh/m2", fixed(year.open, 0)));
         Self {
             tops: year.tops,
             points: year.wall_points,
             walls: year.walls,
-            title: "kWh/m2 a year under a clear sky".to_owned(),
+            title: title.to_owned(),
             column: "kwh_m2",
             total: Some("kwh"),
-            notes: vec![format!(
-                "sun and sky of a year without clouds (Ineichen and Perez 2002, Linke turbidity {turbidity}), on each surface as it is \
-                 inclined; clouds and panels leave less"
-            )],
+            notes,
             ..Self::default()
         }
     }
@@ -207,9 +220,53 @@ pub(crate) fn notes_of(rule: &Rule) -> Vec<String> {
     notes
 }
 
+/// Whose weather it is, and what is odd about it.
+fn notes_of_weather(weather: &WeatherYear, site: &Site) -> Vec<String> {
+    let WeatherYear { place, hours, missing, .. } = weather;
+    let mut notes = vec![format!(
+        "sun and sky of the weather of \"{place}\" (EPW), the sky even all around, on each surface as it is inclined; panels leave less"
+    )];
+    if *missing > 0 {
+        notes.push(format!(
+            "{missing} of its {} have no values (9999) and count as dark",
+            count(hours.len() as u64, "hour")
+        ));
+    }
+    let distance_km = weather.distance_km(site);
+    if distance_km > NEAR_KM {
+        notes.push(format!(
+            "the weather is that of a place {} km from the city: take a file from nearer by if there is one",
+            fixed(distance_km, 0)
+        ));
+    }
+    notes
+}
+
 fn sun_text(sun: Bearing) -> String {
     if sun.altitude_deg <= 0.0 {
         return "the sun is below the horizon: all lies in shadow".to_owned();
     }
     format!("the sun stands at {:.1} degrees, {:.1} above the horizon", sun.azimuth_deg, sun.altitude_deg)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weather_of_elsewhere_has_a_note() {
+        let weather = |missing: usize| WeatherYear {
+            place: "Delft".to_owned(),
+            latitude_deg: 52.0,
+            longitude_deg: 4.36,
+            zone_hours: 1.0,
+            hours: Vec::new(),
+            missing,
+        };
+        let site = |latitude_deg: f64| Site { latitude_deg, longitude_deg: 4.36, north_deg: 0.0 };
+        let notes = notes_of_weather(&weather(0), &site(52.5));
+        assert!(notes.len() == 1 && notes[0].contains("\"Delft\" (EPW)"), "{notes:?}");
+        let notes = notes_of_weather(&weather(7), &site(53.0));
+        assert!(notes.len() == 3 && notes[1].starts_with("7 of its") && notes[2].contains("111 km"), "{notes:?}");
+    }
 }

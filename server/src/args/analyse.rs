@@ -12,7 +12,7 @@ pub enum Analysis {
     Sun,
     /// Sky view factors, and vertical sky components of walls
     Sky,
-    /// Energy of sun and sky in a year without clouds
+    /// Energy of sun and sky in a year, without clouds or with the weather of a file
     Solar,
     /// Shadows at a time
     Shadow,
@@ -55,6 +55,9 @@ pub struct AnalyseArgs {
     /// Linke's turbidity of the air of `solar`: 2 is very clear, 5 is haze [default: 3]
     #[arg(long, value_name = "T", value_parser = parse_turbidity)]
     pub turbidity: Option<f64>,
+    /// Weather of a year for `solar`, with its clouds, in place of a year without any: an EPW file with the sun and the sky of each hour
+    #[arg(long, value_name = "FILE.epw", conflicts_with = "turbidity")]
+    pub weather: Option<PathBuf>,
     /// Time of `shadow`, with an offset from universal time, else in the time of --time-zone. Several of them make as many files, with the
     /// time in their names
     #[arg(long, value_name = "YYYY-MM-DDTHH:MM[+HH:MM]")]

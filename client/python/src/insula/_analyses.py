@@ -39,7 +39,7 @@ class Analyses:
         return self._analyse("sky", buildings, options)
 
     def solar(self, *, buildings: bool = False, **options: Any) -> Raster:
-        """Energy of sun and sky in a year without clouds, in kWh/m2 of each surface."""
+        """Energy of sun and sky in a year without clouds, in kWh/m2 of each surface; with that of `weather`, an EPW file."""
         return self._analyse("solar", buildings, options)
 
     def shadow(self, time: str, **options: Any) -> Raster:

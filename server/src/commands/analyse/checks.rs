@@ -21,6 +21,7 @@ pub(super) fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     }
     of(!args.wall_heights.is_empty(), "--wall-heights", &[Sun, Sky, Solar])?;
     of(args.turbidity.is_some(), "--turbidity", &[Solar])?;
+    of(args.weather.is_some(), "--weather", &[Solar])?;
     of(args.points.is_some(), "--points", &[Sun])?;
     of(!args.time.is_empty(), "--time", &[Shadow])?;
     of(args.times.is_some(), "--times", &[Shadow])?;
@@ -99,7 +100,8 @@ fn name(analysis: Analysis) -> &'static str {
 pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>, read: Vec<PathBuf>) -> Result<(), CommandError> {
     let rule = args.rule.as_ref().map(PathBuf::from).filter(|path| path.is_file());
     let inputs = [Some(&args.city), rule.as_ref(), args.points.as_ref(), args.of.as_ref(), args.vista.as_ref()];
-    let inputs = inputs.into_iter().chain([args.proposal.as_ref()]).flatten().chain(&args.between).chain(&read);
+    let inputs = inputs.into_iter().chain([args.proposal.as_ref(), args.weather.as_ref()]);
+    let inputs = inputs.flatten().chain(&args.between).chain(&read);
     let mut outputs = Outputs::new(args.overwrite).reading(inputs);
     let kind = match () {
         () if has_points(args) => FileKind::ANALYSIS_TABLE,

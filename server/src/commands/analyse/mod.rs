@@ -20,12 +20,16 @@ use crate::{
 };
 use checks::{check_options, check_outputs};
 use files::write;
-use insula_analysis::{sun::Site, surface::CitySurface};
+use insula_analysis::{solar::YearOfSky, sun::Site, surface::CitySurface, weather::WeatherYear};
+use insula_archive::file::read_limited;
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
 use progress::AnalysisProgress;
 use proposal::{AROUND_M, AfterProposal, between};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Largest file of weather. A year has 1.5 MB.
+const MAX_WEATHER_BYTES: u64 = 16 << 20;
 
 /// Where an answer is written.
 #[derive(Debug, Clone)]
@@ -49,6 +53,8 @@ struct Question<'a> {
     extent: CellExtent,
     /// Borders of what a proposal adds, for the sheet.
     added: Vec<Vec<[f64; 2]>>,
+    /// In place of a year without clouds.
+    weather: Option<WeatherYear>,
 }
 
 /// Runs `analyse`. Fails if the city cannot be read, an option does not fit, or an output cannot be written.
@@ -59,6 +65,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let proposal = args.proposal.as_deref().map(Proposal::read).transpose()?;
     let read = proposal.iter().flat_map(Proposal::files).collect();
     check_outputs(args, times.iter().map(|(_, files)| files.clone()).collect(), read)?;
+    let weather = args.weather.as_deref().map(weather_of).transpose()?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
@@ -83,7 +90,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let area = area.or_else(|| Some(grown(around?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
     let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
-    let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new() };
+    let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new(), weather };
     let mut changed = None;
     if let (Some(proposal), Some(change)) = (&proposal, &change) {
         let after = change.after(proposal, &surface)?;
@@ -143,7 +150,10 @@ impl Question<'_> {
         let answer = match args.what {
             Analysis::Sun => sun::sun(args, surface, &self.site()?, &progress)?,
             Analysis::View => view::view(args, surface, self.place, &progress)?,
-            Analysis::Solar => Answer::of_solar(surface, &self.site()?, args.turbidity, heights, &progress),
+            Analysis::Solar => {
+                let sky = self.weather.as_ref().map(YearOfSky::Weather).or(args.turbidity.map(YearOfSky::Clear));
+                Answer::of_solar(surface, &self.site()?, sky, heights, &progress)
+            }
             Analysis::Sky | Analysis::Shadow => Answer::of_sky(surface, heights, &progress),
         };
         shown.clear();
@@ -154,6 +164,14 @@ impl Question<'_> {
     fn site(&self) -> Result<Site, CommandError> {
         site_of(self.source)
     }
+}
+
+/// The weather of a file. Fails with what is wrong with it.
+fn weather_of(path: &Path) -> Result<WeatherYear, CommandError> {
+    let wrong = |reason: String| CommandError::Usage(format!("--weather {}: {reason}", path.display()));
+    let bytes = read_limited(path, MAX_WEATHER_BYTES).map_err(|error| wrong(error.to_string()))?;
+    // Names of places may have letters of other encodings than UTF-8.
+    WeatherYear::parse(&String::from_utf8_lossy(&bytes)).map_err(wrong)
 }
 
 /// Where a city lies. Fails if that is not known.
