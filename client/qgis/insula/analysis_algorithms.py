@@ -16,7 +16,7 @@ from . import answers, commands
 from .algorithm import BUILDINGS, DEGREES, OUTPUT, PROPOSAL, InsulaAlgorithm, make_folder_of
 from .styles import BuildingStyle, RasterStyle, use_style
 
-RULE, RULE_FILE, TURBIDITY, TIME, TIME_ZONE = "RULE", "RULE_FILE", "TURBIDITY", "TIME", "TIME_ZONE"
+RULE, RULE_FILE, TURBIDITY, WEATHER, TIME, TIME_ZONE = "RULE", "RULE_FILE", "TURBIDITY", "WEATHER", "TIME", "TIME_ZONE"
 EYE, EYE_HEIGHT, TARGET_HEIGHT = "EYE", "EYE_HEIGHT", "TARGET_HEIGHT"
 
 
@@ -100,7 +100,7 @@ class SolarAlgorithm(AnalysisAlgorithm):
     NAME, TITLE, WHAT = "solar", "Solar energy of a year", "solar"
     HELP = (
         "Energy of sun and sky in a year without clouds, in kWh/m2 of each surface as it is inclined: the most that a place can have. The "
-        "table sums it up over each roof."
+        "table sums it up over each roof. With a weather file (EPW), it is that of a usual year with its clouds."
     )
 
     def add_parameters(self):
@@ -108,9 +108,11 @@ class SolarAlgorithm(AnalysisAlgorithm):
             TURBIDITY, "Turbidity of the air (Linke): 2 is very clear, 5 is haze", QgsProcessingParameterNumber.Double, 3.0, minValue=1, maxValue=20
         )
         self.addParameter(number)
+        self.addParameter(QgsProcessingParameterFile(WEATHER, "Or the weather of a year, with its clouds", optional=True, extension="epw"))
 
     def words(self, parameters, context, city, out, shared):
-        return commands.solar(city, out, turbidity=self.parameterAsDouble(parameters, TURBIDITY, context), **shared)
+        turbidity = self.parameterAsDouble(parameters, TURBIDITY, context)
+        return commands.solar(city, out, turbidity=turbidity, weather=self.parameterAsFile(parameters, WEATHER, context), **shared)
 
 
 class ShadowAlgorithm(AnalysisAlgorithm):

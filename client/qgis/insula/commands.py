@@ -93,9 +93,10 @@ def sky(city, out, *, bbox=None, buildings="", proposal="", more=""):
     return _analyse(city, "sky", out, bbox, options, more)
 
 
-def solar(city, out, *, turbidity=3.0, bbox=None, buildings="", proposal="", more=""):
-    """Energy of a year without clouds."""
-    options = [f"--turbidity={_number(turbidity)}", *_text("buildings", buildings), *_text("proposal", proposal)]
+def solar(city, out, *, turbidity=3.0, weather="", bbox=None, buildings="", proposal="", more=""):
+    """Energy of a year without clouds, or with the weather of an EPW file."""
+    sky = _text("weather", weather) or [f"--turbidity={_number(turbidity)}"]
+    options = [*sky, *_text("buildings", buildings), *_text("proposal", proposal)]
     return _analyse(city, "solar", out, bbox, options, more)
 
 

@@ -60,6 +60,8 @@ class OfACity(unittest.TestCase):
         self.assertEqual(commands.sky(self.city, "s.tif"), [*start, "sky", "--json", "--out=s.tif"])
         solar = commands.solar(self.city, "s.tif", bbox=(1, 2, 3, 4))
         self.assertEqual(solar, [*start, "solar", "--json", "--out=s.tif", "--bbox=1,2,3,4", "--turbidity=3"])
+        clouds = commands.solar(self.city, "s.tif", weather="delft.epw")
+        self.assertEqual(clouds, [*start, "solar", "--json", "--out=s.tif", "--weather=delft.epw"])
         shadow = commands.shadow(self.city, "s.tif", time="2025-12-21T10:00", time_zone="Europe/Paris")
         self.assertEqual(shadow[4:], ["--out=s.tif", "--time=2025-12-21T10:00", "--time-zone=Europe/Paris"])
         view = commands.view(self.city, "s.tif", eye=(-7.42, 43.73), eye_height_m=2, target_height_m=1.6)
