@@ -117,6 +117,20 @@ async fn a_share_link_opens_the_files_that_the_tileset_names() {
         assert!(server.get(&path, "").await.starts_with("HTTP/1.1 200 "), "{path}");
         assert_problem(&server.get(path.split('?').next().unwrap(), "").await, 401);
     }
+    // The root is cached, and each link is in the answer to its own request only.
+    let other = share_query(&keys, &["--version", "0123*"]);
+    assert_ne!(other, query);
+    let root = server.get(&format!("{}?{other}", route::tileset("two")), "").await;
+    assert!(root.contains(&other) && !root.contains(&query), "{root}");
+    let (_, file) = tileset(&root);
+    assert!(server.get(&file(CONTENT, [1, 1, 1]), "").await.starts_with("HTTP/1.1 200 "));
+    // Links to a part of the city, and those for reading only, open neither the root nor a file.
+    for arguments in [&["--bbox-metres", "85001,446001,85002,446002"][..], &["--read-only"]] {
+        let query = share_query(&keys, arguments);
+        assert_problem(&server.get(&format!("{}?{query}", route::tileset("two")), "").await, 404);
+        let path = file(CONTENT, [1, 1, 1]).split('?').next().unwrap().to_owned();
+        assert_problem(&server.get(&format!("{path}?{query}"), "").await, 404);
+    }
     server.stop().await;
 }
 
