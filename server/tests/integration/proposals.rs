@@ -61,3 +61,29 @@ async fn a_page_gets_what_proposals_change() {
     assert_problem(&server.get("/v1/cities/nobody/proposals.json", "").await, 404);
     server.stop().await;
 }
+
+/// A model of equal small triangles beside the house, as a proposal.
+fn write_model(of_city: &Path, name: &str, triangles: usize) {
+    let corners = "v 85030 446990 0\nv 85030.2 446990 0\nv 85030 446990.2 0.2\n";
+    fs::write(of_city.join(format!("{name}.obj")), corners.to_owned() + &"f 1 2 3\n".repeat(triangles)).unwrap();
+    fs::write(of_city.join(format!("{name}.toml")), format!("[[add]]\nfile = \"{name}.obj\"\n")).unwrap();
+}
+
+#[tokio::test]
+async fn proposals_past_the_triangles_of_a_city_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    write_proposals(folder.path());
+    // With the 12 triangles of the tower, which comes before, one more than there may be.
+    write_model(&folder.path().join("house"), "whole", 262_133);
+    write_model(&folder.path().join("house"), "yard", 100);
+    let server = TestServer::start(|config| config.site.proposals = Some(folder.path().to_owned())).await;
+    bake_house(server.folder.path());
+    server.reload().await;
+
+    let found = json_of(&server.get(PATH, "").await);
+    let names: Vec<&Value> = found["proposals"].as_array().unwrap().iter().map(|proposal| &proposal["name"]).collect();
+    assert_eq!(names, ["tower", "yard"]);
+    let yard = &found["proposals"][1]["added"][0]["triangles_cm"];
+    assert_eq!(yard.as_array().unwrap().len(), 100 * 9);
+    server.stop().await;
+}
