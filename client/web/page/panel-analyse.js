@@ -127,14 +127,15 @@ async function questionOf({ city, view }, { kind, rule, side }) {
   return { kind, ...own[kind], bbox_metres: [x - half, y - half, x + half, y + half] };
 }
 
-/** Asks the server. What it says of a problem is English, so that the page has its own words for the status. */
+/** Asks the server. What it says of a problem is English, so that the page has its own words for its type or status. */
 async function ask({ src }, question, signal) {
   const url = new URL(src, document.baseURI);
   url.pathname = url.pathname.replace(/\/*$/, '/analyse');
   const headers = { 'content-type': 'application/json' };
   const response = await fetch(url, { method: 'POST', headers, body: JSON.stringify(question), signal }).catch(lost);
   if (response.ok) return response.json().catch(lost);
-  throw new Error(texts.reasons[response.status] ?? `HTTP ${response.status}`);
+  const { type } = await response.json().catch(() => ({}));
+  throw new Error(texts.reasons[type] ?? texts.reasons[response.status] ?? `HTTP ${response.status}`);
 }
 
 /** @returns {never} */

@@ -71,6 +71,8 @@ enum AskedValues {
 pub(crate) enum RequestError {
     #[error("{0}")]
     Invalid(String),
+    #[error("{0}")]
+    Outside(String),
     #[error("the area would be too large: choose a smaller one")]
     TooLarge,
     #[error("nobody waits for the answer")]
@@ -227,7 +229,7 @@ impl AskedValues {
 /// An area without a part of the city is the client's fault.
 fn of_export(error: ExportError) -> RequestError {
     match error {
-        ExportError::ObjectSelection(reason) => RequestError::Invalid(reason),
+        ExportError::ObjectSelection(reason) => RequestError::Outside(reason),
         ExportError::TooLarge { .. } => RequestError::TooLarge,
         error => RequestError::Source(error),
     }

@@ -22,6 +22,11 @@ use insula_export::table::ExportError;
 use std::sync::Arc;
 use tokio::runtime::Handle;
 
+/// Type of the problem of an area of more cells than the server reads at once. The page has words for it.
+const TOO_LARGE: &str = "#area-too-large";
+/// The same of an area without a part of the city.
+const OUTSIDE: &str = "#area-outside";
+
 /// `POST /v1/cities/{city}/analyse`. Fails with 400 for options that are invalid and for areas that are too large, 401 without a required
 /// token, 404 for an unknown city, with a share link for a part of the city, and if no analyses are made; 408, 413 and 415 for a body that is
 /// slow, too large or not JSON; 500 if the city is damaged, 503 if too many requests wait or there is no time.
@@ -63,7 +68,9 @@ fn no_time() -> Problem {
 
 fn problem(state: &AppState, city: &CityStore, error: &RequestError) -> Problem {
     match error {
-        RequestError::Invalid(_) | RequestError::TooLarge => Problem::explained(&error.to_string()),
+        RequestError::Invalid(reason) => Problem::explained(reason),
+        RequestError::Outside(reason) => Problem::explained(reason).of_type(OUTSIDE),
+        RequestError::TooLarge => Problem::explained(&error.to_string()).of_type(TOO_LARGE),
         RequestError::Stopped => no_time(),
         RequestError::Source(reason) => unreadable(state, city, reason),
     }

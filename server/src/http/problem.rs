@@ -16,6 +16,9 @@ use std::borrow::Cow;
 #[cfg(feature = "bake")]
 const MAX_EXPLANATION: usize = 300;
 
+/// The type of problems of which the status says all.
+const NO_TYPE: &str = "about:blank";
+
 /// The response to requests for addresses that do not exist.
 pub(super) const NO_ROUTE: Problem =
     Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities");
@@ -23,6 +26,7 @@ pub(super) const NO_ROUTE: Problem =
 /// An HTTP error with a fixed explanation and at most one extra header.
 #[derive(Debug, Clone)]
 pub struct Problem {
+    r#type: &'static str,
     status: StatusCode,
     detail: Cow<'static, str>,
     header: Option<(HeaderName, HeaderValue)>,
@@ -39,7 +43,7 @@ struct ProblemBody<'a> {
 impl Problem {
     /// A problem of any status.
     pub const fn new(status: StatusCode, detail: &'static str) -> Self {
-        Self { status, detail: Cow::Borrowed(detail), header: None }
+        Self { r#type: NO_TYPE, status, detail: Cow::Borrowed(detail), header: None }
     }
 
     /// 404.
@@ -56,7 +60,13 @@ impl Problem {
     #[cfg(feature = "bake")]
     pub(super) fn explained(explanation: &str) -> Self {
         let detail = explanation.chars().filter(|c| !c.is_control()).take(MAX_EXPLANATION).collect();
-        Self { status: StatusCode::BAD_REQUEST, detail: Cow::Owned(detail), header: None }
+        Self { r#type: NO_TYPE, status: StatusCode::BAD_REQUEST, detail: Cow::Owned(detail), header: None }
+    }
+
+    /// Sets the type, by which programs tell problems of the same status apart.
+    #[cfg(feature = "bake")]
+    pub(super) fn of_type(self, r#type: &'static str) -> Self {
+        Self { r#type, ..self }
     }
 
     /// 503 with `Retry-After: 1`.
@@ -97,7 +107,7 @@ impl Problem {
 
     fn body(&self) -> Vec<u8> {
         let status = self.status.as_u16();
-        let body = ProblemBody { r#type: "about:blank", title: self.title(), status, detail: &self.detail };
+        let body = ProblemBody { r#type: self.r#type, title: self.title(), status, detail: &self.detail };
         serde_json::to_vec(&body).unwrap_or_default()
     }
 

@@ -227,10 +227,10 @@ async fn hostile_questions_are_explained() {
     }
     for (asked, words) in [
         ("", "EOF"),
-        (r#"{"kind":"sky"}"#, "write bbox"),
+        (r#"{"kind":"sky"}"#, "about:blank"),
         (r#"{"kind":"sky","bbox_metres":[1e300,0,2e300,1]}"#, "in metres"),
-        (r#"{"kind":"sky","bbox_metres":[0,0,10,10]}"#, "no part of the city"),
-        (r#"{"kind":"sky","bbox_metres":[84000,446000,86000,448000]}"#, "too large"),
+        (r#"{"kind":"sky","bbox_metres":[0,0,10,10]}"#, "#area-outside"),
+        (r#"{"kind":"sky","bbox_metres":[84000,446000,86000,448000]}"#, "#area-too-large"),
     ] {
         assert_refused(&server, asked, 400, words).await;
     }
@@ -248,7 +248,7 @@ async fn hostile_questions_are_explained() {
 async fn limits_have_their_status() {
     let server = start(|config| (config.analyses.cells, config.analyses.waiting) = (1000, 1)).await;
     let sky = options(r#""kind":"sky""#);
-    assert_refused(&server, &sky, 400, "too large").await;
+    assert_refused(&server, &sky, 400, "#area-too-large").await;
     server.stop().await;
     let server = start(|config| config.analyses.waiting = 1).await;
     let requests: Vec<_> = (0..12).map(|_| post(&server, PATH, JSON, &sky)).collect();

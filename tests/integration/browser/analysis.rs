@@ -71,7 +71,9 @@ pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
     // What the server says is English: the panel has the reasons in the language of the page.
     for (response, reason) in [
         ("Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 }))", "the server has too much to do: "),
-        ("Promise.resolve(Response.json({ detail: 'too large' }, { status: 400 }))", "the square is too large "),
+        ("Promise.resolve(Response.json({ type: '#area-too-large' }, { status: 400 }))", "the square is too large "),
+        ("Promise.resolve(Response.json({ type: '#area-outside' }, { status: 400 }))", "no part of the city "),
+        ("Promise.resolve(Response.json({ type: 'about:blank' }, { status: 400 }))", "HTTP 400"),
         ("Promise.resolve(new Response('of a proxy', { status: 502 }))", "HTTP 502"),
         ("Promise.reject(new TypeError('Failed to fetch'))", "the server does not answer"),
     ] {
