@@ -88,10 +88,10 @@ export class EngineClient {
     setTimeout(() => this.#worker.terminate(), 1000);
   }
 
-  #settle({ id, value, error, isTemporary }) {
+  #settle({ id, value, error, isTemporary, fault }) {
     const request = this.#pending.get(id);
     this.#pending.delete(id);
     if (error === undefined || error === null) request?.resolve(value);
-    else request?.reject(Object.assign(new Error(String(error)), { isTemporary }));
+    else request?.reject(Object.assign(new Error(String(error)), { isTemporary, fault }));
   }
 }

@@ -434,7 +434,7 @@ const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 
 function reply(id, value) {
   value.then(
     (result) => postMessage({ op: 'reply', id, value: result }),
-    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error), isTemporary: error?.isTemporary === true }),
+    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error), isTemporary: error?.isTemporary === true, fault: error?.fault }),
   );
 }
 

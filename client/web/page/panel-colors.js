@@ -41,7 +41,7 @@ class Coloring {
       try {
         await this.#city.setColors(current);
       } catch (error) {
-        this.#report(error.message);
+        this.#report(error);
       }
     }
     this.#isBusy = false;
@@ -60,7 +60,10 @@ export function colorsPanel({ city }) {
   /** @type {any} */ let schema = null;
   const error = element('p', { class: 'error', role: 'alert' });
   const summary = element('p', { class: 'hint', role: 'status' });
-  const coloring = new Coloring(city, (why) => setText(error, texts.failed(printable(why))));
+  const coloring = new Coloring(city, ({ message, fault }) => {
+    const why = fault ? texts.faults[fault.code](fault.why, fault.at) : message;
+    setText(error, texts.failed(printable(why)));
+  });
   const change = (values) => {
     rules = { ...rules, ...values };
     setText(error, '');

@@ -323,6 +323,11 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
         element()
     ))?;
     ensure!(refused.as_str().is_some_and(|text| text.contains("yearOfConstruction?")), "{refused}");
+    let fault = page.page.evaluate(&format!(
+        "{}.setColors({{ filter: 'yearOfConstructio > 1' }}).then(() => null, error => error.fault)",
+        element()
+    ))?;
+    ensure!(fault["code"] == "name" && fault["at"] == 1, "{fault}");
     // The server evaluates a filter without colours.
     let before = object_requests(&page)?.len();
     let made = page.page.evaluate(&format!("{}.setColors({{ filter: 'yearOfConstruction >= 1800' }})", element()))?;

@@ -5,7 +5,7 @@ use crate::source::FetchError;
 use insula_objects::{
     Schema, Value,
     color::{ColorBy, Legend, sampled_blocks},
-    filter::Filter,
+    filter::{Filter, FilterError},
     value::ValueType,
 };
 
@@ -31,7 +31,7 @@ pub enum RulesError {
     #[error("colour by {text}: {why}")]
     Color { text: String, why: String },
     #[error("filter {text}: {why}")]
-    Filter { text: String, why: String },
+    Filter { text: String, why: FilterError },
     #[error("objects: {0}")]
     Fetch(#[from] FetchError),
 }
@@ -64,13 +64,7 @@ impl StyleRules {
             (Some(color), Some(range)) => Some(color.with_range(range)),
             (color, _) => color,
         };
-        let filter = match self.filter_text(schema) {
-            Some(text) => match Filter::parse(&text, schema) {
-                Ok(filter) => Some(filter),
-                Err(why) => return Err(RulesError::Filter { text, why: why.to_string() }),
-            },
-            None => None,
-        };
+        let filter = self.parsed_filter(schema)?;
         let filtered_out = if self.limit().is_some() { FilteredOut::Hide } else { self.filtered_out };
         Ok(ObjectQuery { color, filter, filtered_out })
     }
@@ -85,6 +79,17 @@ impl StyleRules {
 
     fn limit(&self) -> Option<f64> {
         self.up_to.filter(|value| value.is_finite() && !self.attribute.is_empty())
+    }
+
+    /// The filter and the limit. The filter is parsed alone before, so that an error has the place in what people wrote.
+    fn parsed_filter(&self, schema: &Schema) -> Result<Option<Filter>, RulesError> {
+        let own = Some(self.filter.clone()).filter(|text| !text.is_empty());
+        let mut parsed = None;
+        for text in [own, self.filter_text(schema)].into_iter().flatten() {
+            let filter = Filter::parse(&text, schema);
+            parsed = Some(filter.map_err(|why| RulesError::Filter { text, why })?);
+        }
+        Ok(parsed)
     }
 
     fn filter_text(&self, schema: &Schema) -> Option<String> {
@@ -188,6 +193,8 @@ mod tests {
         let rules = StyleRules { filter: "yeer < 3".into(), ..StyleRules::default() };
         let error = rules.query(&schema()).unwrap_err().to_string();
         assert!(error.contains("filter yeer < 3") && error.contains("year"), "{error}");
+        let limited = StyleRules { attribute: "year".into(), up_to: Some(1900.0), ..rules };
+        assert_eq!(limited.query(&schema()).unwrap_err().to_string(), error, "the limit moves no place");
         let rules = StyleRules { attribute: "year".into(), palette: "magmy".into(), ..StyleRules::default() };
         assert!(rules.query(&schema()).unwrap_err().to_string().contains("magma"));
     }

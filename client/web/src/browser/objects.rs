@@ -8,10 +8,10 @@ use super::{
 use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
 use insula_viewer::{
-    objects::{CityObjects, ObjectState, ObjectStyles, StyledObjects},
+    objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects},
     source::{TileSource, WITHOUT_OBJECTS},
 };
-use js_sys::Promise;
+use js_sys::{JSON, Promise, Reflect};
 use std::{rc::Rc, sync::Arc};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
@@ -85,16 +85,28 @@ impl ObjectReader {
     }
 
     /// Makes styles from rules (JSON, see `ColorRules`): resolves to `MadeStyles`. Rejects with the reason if the rules are invalid, or
-    /// if objects cannot be fetched.
+    /// if objects cannot be fetched. The error of an invalid filter has a `fault` of `code`, `at` and `why`.
     pub fn styles(&self, rules: &str) -> Promise {
         let (reader, rules) = (self.clone(), serde_json::from_str::<ColorRules>(rules));
         future_to_promise(async move {
             let rules = rules.map_err(to_js)?.into();
-            let StyledObjects { styles, legend, passing } = reader.open().await?.styles(&rules).await.map_err(to_js)?;
+            let styled = reader.open().await?.styles(&rules).await;
+            let StyledObjects { styles, legend, passing } = styled.map_err(|error| of_rules(&error))?;
             let legend = serde_json::to_value(&legend).map_err(to_js)?;
             Ok(MadeStyles { styles, message: json(&ColorsMessage { legend, passing }) }.into())
         })
     }
+}
+
+/// Why rules have no styles. Pages have their own words for what is wrong with a filter.
+fn of_rules(error: &RulesError) -> JsValue {
+    let shown = js_sys::Error::new(&error.to_string());
+    if let RulesError::Filter { why, .. } = error {
+        let fault = serde_json::json!({ "code": why.fault.code(), "at": why.at, "why": why.message });
+        // Without it, pages show the text.
+        let _ = JSON::parse(&fault.to_string()).and_then(|fault| Reflect::set(&shown, &"fault".into(), &fault));
+    }
+    shown.into()
 }
 
 impl ObjectReader {

@@ -62,7 +62,7 @@ fn quoted(rest: &str, at: usize, quote: char) -> Result<(String, usize), Fault> 
             _ => text.push(c),
         }
     }
-    Err(Fault { at, message: format!("a text in quotes has no end: add another {quote}") })
+    Err(Fault::syntax(at, format!("a text in quotes has no end: add another {quote}")))
 }
 
 /// A date, an integer or a float.
@@ -70,7 +70,7 @@ fn number(rest: &str, at: usize) -> Result<(Token, usize), Fault> {
     let end = |part: &dyn Fn(char) -> bool| rest.find(|c| !part(c)).unwrap_or(rest.len());
     let word = rest.get(..end(&|c| c.is_ascii_digit() || c == '-')).unwrap_or_default();
     if word.len() == 10 && word.bytes().filter(|byte| *byte == b'-').count() == 2 {
-        let wrong = || Fault { at, message: format!("the date {word} does not exist: write it as YYYY-MM-DD") };
+        let wrong = || Fault::syntax(at, format!("the date {word} does not exist: write it as YYYY-MM-DD"));
         return Ok((Token::Literal(Value::Date(parse_date(word).ok_or_else(wrong)?)), word.len()));
     }
     let mut before = ' ';
@@ -84,7 +84,7 @@ fn number(rest: &str, at: usize) -> Result<(Token, usize), Fault> {
     let integer = if is_integer { word.parse().ok().map(Value::Integer) } else { None };
     let float = || word.parse().ok().filter(|value: &f64| value.is_finite()).map(Value::Float);
     let hint = "write texts in double quotes, and names that begin with a digit in backticks";
-    let value = integer.or_else(float).ok_or_else(|| Fault { at, message: format!("{word} is no number: {hint}") })?;
+    let value = integer.or_else(float).ok_or_else(|| Fault::syntax(at, format!("{word} is no number: {hint}")))?;
     Ok((Token::Literal(value), word.len()))
 }
 
@@ -112,5 +112,5 @@ fn symbol(rest: &str, at: usize) -> Result<(Token, usize), Fault> {
             format!("the character {c:?} has no meaning here: write names that have it in backticks")
         }
     };
-    Err(Fault { at, message })
+    Err(Fault::syntax(at, message))
 }

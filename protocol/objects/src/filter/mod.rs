@@ -50,10 +50,38 @@ pub const NONE_PASSES: &str = "no object passes the filter";
 /// What that means where other objects are drawn, too: kinds of which none passes stay as they are, and these are all.
 pub const NONE_PASSES_IN_VIEW: &str = "no object passes the filter, so it changes nothing";
 
+/// What is wrong with a filter, for programs that say it in words of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilterFault {
+    /// The text is no expression.
+    Syntax,
+    /// Objects have no such attribute, or no such kind.
+    Name,
+    /// Values of these types cannot be compared.
+    Type,
+    /// The text is too long, or too deep.
+    Size,
+}
+
+impl FilterFault {
+    /// The word of programs for it.
+    #[must_use]
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::Syntax => "syntax",
+            Self::Name => "name",
+            Self::Type => "type",
+            Self::Size => "size",
+        }
+    }
+}
+
 /// Why a text is no filter.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message} (at character {at})")]
 pub struct FilterError {
+    /// What is wrong.
+    pub fault: FilterFault,
     /// Number of the character in the text, from 1.
     pub at: usize,
     /// What is wrong and what to do.
@@ -63,8 +91,15 @@ pub struct FilterError {
 /// A [`FilterError`] whose place is in bytes.
 #[derive(Debug)]
 struct Fault {
+    fault: FilterFault,
     at: usize,
     message: String,
+}
+
+impl Fault {
+    fn syntax(at: usize, message: impl Into<String>) -> Self {
+        Self { fault: FilterFault::Syntax, at, message: message.into() }
+    }
 }
 
 /// A condition on objects of a city.
@@ -78,9 +113,9 @@ impl Filter {
     /// Parses a filter for the objects of a city. Fails on texts over [`MAX_FILTER_BYTES`], expressions deeper than [`MAX_DEPTH`],
     /// unknown attributes, and comparisons of values of different types.
     pub fn parse(text: &str, schema: &Schema) -> Result<Self, FilterError> {
-        let expression = Self::expression(text, schema).map_err(|Fault { at, message }| {
+        let expression = Self::expression(text, schema).map_err(|Fault { fault, at, message }| {
             let before = text.get(..at).unwrap_or(text);
-            FilterError { at: before.chars().count() + 1, message }
+            FilterError { fault, at: before.chars().count() + 1, message }
         })?;
         let mut attributes = Vec::new();
         expression.visit_sources(&mut |source| {
@@ -96,7 +131,7 @@ impl Filter {
     fn expression(text: &str, schema: &Schema) -> Result<Expression, Fault> {
         if text.len() > MAX_FILTER_BYTES {
             let message = format!("a filter has at most {MAX_FILTER_BYTES} bytes: shorten it");
-            return Err(Fault { at: text.floor_char_boundary(MAX_FILTER_BYTES), message });
+            return Err(Fault { fault: FilterFault::Size, at: text.floor_char_boundary(MAX_FILTER_BYTES), message });
         }
         parser::parse(text, schema)
     }

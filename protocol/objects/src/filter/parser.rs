@@ -1,7 +1,7 @@
 //! Parses a filter and checks its names and types.
 
 use super::{
-    Fault, MAX_DEPTH, Source,
+    Fault, FilterFault, MAX_DEPTH, Source,
     evaluate::{Comparison, Expression, Operand},
     lexer::{Positioned, Token, tokens},
     similar_name, suggest,
@@ -46,7 +46,12 @@ enum Term {
 }
 
 fn fail<T>(at: usize, message: impl Into<String>) -> Result<T, Fault> {
-    Err(Fault { at, message: message.into() })
+    Err(Fault::syntax(at, message))
+}
+
+/// Fails with another fault than one of the expression.
+fn fail_by<T>(fault: FilterFault, at: usize, message: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault { fault, at, message: message.into() })
 }
 
 impl Parser<'_> {
@@ -67,7 +72,8 @@ impl Parser<'_> {
     /// Runs a parser one level deeper.
     fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
         if self.depth >= MAX_DEPTH {
-            return fail(
+            return fail_by(
+                FilterFault::Size,
                 self.at(),
                 format!("a filter has at most {MAX_DEPTH} levels of parentheses: write it flatter"),
             );
@@ -154,7 +160,7 @@ impl Parser<'_> {
         };
         let is_order = !matches!(comparison, Comparison::Equal | Comparison::NotEqual);
         if is_order && self.type_of(&left) == ValueType::Bool {
-            return fail(at, "true and false have no order: write == or !=");
+            return fail_by(FilterFault::Type, at, "true and false have no order: write == or !=");
         }
         let right = self.checked(&left, right, value_at)?;
         let left = self.checked(&right, left, at)?;
@@ -193,7 +199,11 @@ impl Parser<'_> {
             return fail(at, "only texts contain something: write an attribute before ~");
         };
         if self.type_of(&operand) != ValueType::Text {
-            return fail(at, format!("{} contains no text: compare it by ==", with_article(self.type_of(&operand))));
+            return fail_by(
+                FilterFault::Type,
+                at,
+                format!("{} contains no text: compare it by ==", with_article(self.type_of(&operand))),
+            );
         }
         match right {
             Term::Value(_, Operand::Constant(Value::Text(part))) => {
@@ -239,7 +249,11 @@ impl Parser<'_> {
                     Term::Value(_, operand) if matches!(self.type_of(&operand), ValueType::Date | ValueType::Text) => {
                         Ok(Term::Value(at, Operand::Year(Box::new(operand))))
                     }
-                    _ => fail(at, "only dates have a year: write an attribute of dates in the parentheses"),
+                    _ => fail_by(
+                        FilterFault::Type,
+                        at,
+                        "only dates have a year: write an attribute of dates in the parentheses",
+                    ),
                 }
             }
             Token::Name { name, .. } => Ok(Term::Value(at, Operand::Source(self.source(&name, at, is_compared)?))),
@@ -265,7 +279,7 @@ impl Parser<'_> {
                 format!("write one that they have, such as {}", known.join(", "))
             }
         };
-        fail(at, format!("objects have no attribute {name}: {hint}"))
+        fail_by(FilterFault::Name, at, format!("objects have no attribute {name}: {hint}"))
     }
 
     fn type_of(&self, operand: &Operand) -> ValueType {
@@ -289,13 +303,13 @@ impl Parser<'_> {
             let names = FeatureKind::NAMES.map(|(name, _)| name);
             if !names.contains(&name.as_str()) {
                 let hint = suggest::nearest(name, names).map_or(names.join(", "), str::to_owned);
-                return fail(at, format!("no kind has the name {name}: write {hint}"));
+                return fail_by(FilterFault::Name, at, format!("no kind has the name {name}: write {hint}"));
             }
         }
         if let (ValueType::Date, Operand::Constant(Value::Text(text))) = (wanted, &operand) {
             return match parse_date(text) {
                 Some(days) => Ok(Operand::Constant(Value::Date(days))),
-                None => fail(at, format!("{text:?} is no date: write it as 2001-05-01")),
+                None => fail_by(FilterFault::Type, at, format!("{text:?} is no date: write it as 2001-05-01")),
             };
         }
         let is_comparable = wanted == found
@@ -307,7 +321,7 @@ impl Parser<'_> {
             Ok(operand)
         } else {
             let [wanted, found] = [wanted, found].map(with_article);
-            fail(at, format!("{wanted} is compared with {found}: write {wanted}"))
+            fail_by(FilterFault::Type, at, format!("{wanted} is compared with {found}: write {wanted}"))
         }
     }
 }

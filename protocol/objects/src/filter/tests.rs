@@ -175,6 +175,27 @@ fn errors_say_what_where_and_what_to_do() {
 }
 
 #[test]
+fn faults_have_a_code_for_other_languages() {
+    let (schema, _) = city();
+    let (deep, long) = ("(".repeat(65), "x".repeat(MAX_FILTER_BYTES + 1));
+    for (text, code) in [
+        ("name =", "syntax"),
+        ("built > 2001-02-30", "syntax"),
+        ("zzz == 1", "name"),
+        ("kind == 'bulding'", "name"),
+        ("area > 'x'", "type"),
+        ("listed > true", "type"),
+        ("built > 'May'", "type"),
+        ("area ~ 'x'", "type"),
+        ("year(area) > 1", "type"),
+        (deep.as_str(), "size"),
+        (long.as_str(), "size"),
+    ] {
+        assert_eq!(Filter::parse(text, &schema).unwrap_err().fault.code(), code, "{text}");
+    }
+}
+
+#[test]
 fn long_and_deep_filters_are_refused() {
     let (schema, _) = city();
     let nested = |depth: usize| format!("{}name{}", "(".repeat(depth), ")".repeat(depth));
