@@ -424,7 +424,8 @@ export class InsulaCity extends HTMLElement {
   setTime(time: TimeText): void;
   /**
    * Colours and filters objects; `null` gives them their own colours. Fails if the rules are invalid or the city has no objects, and
-   * then changes nothing. No tile is fetched again.
+   * then changes nothing. No tile is fetched again. The error of an invalid filter has a `fault`: its `code` (`syntax`, `name`, `type` or
+   * `size`), the number `at` of the character, from 1, and `why`, in English.
    */
   setColors(rules: ColorRules | null): Promise<Colors>;
   /** The selected objects. */
