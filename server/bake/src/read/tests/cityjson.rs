@@ -439,7 +439,7 @@ fn orders_that_are_assumed_are_told_and_mirror_images_are_a_warning() {
     // Projected coordinates in either order are plausible in Japan.
     let metadata = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/6677"}"#;
     let problems = |cube: &str| {
-        let text = document(&object("a", &solid("1")), metadata).replace(CUBE, &cube.replace('[', "[-3549"));
+        let text = document(&object("a", &solid("1")), metadata).replace(CUBE, &cube.replace('[', "[3549"));
         let (_, mut report) = read(&text);
         let is_warning = report.guess_warnings().any(|warning| warning.contains("--axis-order"));
         (report.sources.remove(0).problems, is_warning)
