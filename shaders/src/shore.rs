@@ -16,8 +16,6 @@ use insula_protocol::{
     texel::Texel,
 };
 
-/// Land beside the sea that the source does not describe may be this many cells of the coarsest V-BlockMap wide.
-const MOST_BARE_CELLS: usize = 12;
 /// Largest number of steps inwards: it has four bits.
 const MOST_STEPS: u16 = 15;
 /// Far from the map, coasts are blurred by this many parts (standard deviation).
@@ -27,6 +25,8 @@ const ALL_PARTS: usize = 4 * PARTS;
 /// What counts as an end in the sea.
 #[derive(Debug, Clone, Copy)]
 struct Rules {
+    /// Land beside the sea that the source does not describe may be this many cells of the coarsest V-BlockMap wide.
+    bare_cells: usize,
     /// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.
     sea_cells: usize,
     /// Shorter ends of the sea are harbours or river mouths.
@@ -36,9 +36,9 @@ struct Rules {
 }
 
 /// Of water that may be no sea, in cells of the coarsest V-BlockMap.
-const GUESSED: Rules = Rules { sea_cells: 3, sea_parts: 4, land_parts: 6 };
+const GUESSED: Rules = Rules { bare_cells: 12, sea_cells: 3, sea_parts: 4, land_parts: 6 };
 /// Of what is known to be sea: a narrow arm or a basin, too. A strip of a single part would be a canal to the horizon.
-const KNOWN: Rules = Rules { sea_cells: 1, sea_parts: 2, land_parts: 4 };
+const KNOWN: Rules = Rules { bare_cells: 5, sea_cells: 1, sea_parts: 2, land_parts: 4 };
 
 /// Where a city ends in water.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -217,7 +217,7 @@ fn sea_along(
     rules: Rules,
 ) -> [u16; PARTS] {
     let (low, high) = if end.is_multiple_of(2) { (south, north) } else { (west, east) };
-    let most_bare = MOST_BARE_CELLS * side / NODE_CELLS;
+    let most_bare = rules.bare_cells * side / NODE_CELLS;
     let part_of = |part: usize| {
         let along = low + (high - low) * (2 * part + 1) / (2 * PARTS);
         let inwards = |k: usize| {

@@ -37,7 +37,8 @@ use super::{
     fingerprints::Fingerprints,
     focus::{self, Standing},
     objects::NumberedRecords,
-    sea, search, thumbnail,
+    sea::{self, SeaAndLand},
+    search, thumbnail,
     tile_bytes::TileContent,
     tile_pack::StoredTile,
     tile_tree::{self, TileTree},
@@ -217,14 +218,14 @@ pub(crate) fn write_others(
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
-    let (mut search, mut buildings, mut standing, mut sea) = (None, 0, None, Vec::new());
+    let (mut search, mut buildings, mut standing, mut sea) = (None, 0, None, SeaAndLand::default());
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let mut schema = objects.schema()?;
         label(&mut schema, &input, progress);
         let kinds = objects.kinds()?;
         buildings = objects.buildings(&kinds)?;
         standing = Some(objects.standing(&kinds, input.grid)?);
-        sea = objects.sea(&kinds)?;
+        sea = objects.sea_and_land(&kinds)?;
         drop(kinds);
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;

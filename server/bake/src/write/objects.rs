@@ -19,7 +19,7 @@ use insula_protocol::{
 use super::{
     archive::{self, WrittenArchive},
     focus::Standing,
-    sea::is_sea,
+    sea::{SeaAndLand, is_sea},
 };
 use crate::{
     error::BakeError,
@@ -87,20 +87,22 @@ impl NumberedRecords<'_> {
         Ok(buildings)
     }
 
-    /// The numbers of the objects of these [kinds](Self::kinds) that are sea, in ascending order. Fails if a record cannot be read.
-    pub(crate) fn sea(&self, kinds: &[Option<FeatureKind>]) -> Result<Vec<u32>, BakeError> {
+    /// The numbers of the objects of these [kinds](Self::kinds) that are sea, and of those that are terrain. Fails if a record cannot be
+    /// read.
+    pub(crate) fn sea_and_land(&self, kinds: &[Option<FeatureKind>]) -> Result<SeaAndLand, BakeError> {
         let mut reader = self.records.reader()?;
-        let mut sea = Vec::new();
+        let mut found = SeaAndLand::default();
         self.rows.try_for_each(|number, row| {
-            let is_water = kinds.get(number).copied().flatten() == Some(FeatureKind::Water);
-            if let Some(row) = row.as_ref().filter(|_| is_water)
-                && is_sea(&reader.read(row.record)?)
-            {
-                sea.push(number as u32);
+            match (row, kinds.get(number).copied().flatten()) {
+                (Some(row), Some(FeatureKind::Water)) if is_sea(&reader.read(row.record)?) => {
+                    found.sea.push(number as u32);
+                }
+                (Some(_), Some(FeatureKind::Relief)) => found.land.push(number as u32),
+                _ => {}
             }
             Ok::<_, BakeError>(())
         })?;
-        Ok(sea)
+        Ok(found)
     }
 
     /// Where objects of these [kinds](Self::kinds) stand. Fails if a row cannot be read.

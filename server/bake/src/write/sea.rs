@@ -3,7 +3,7 @@
 use insula_objects::{FeatureKind, value::Value};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, NO_OBJECT, flag},
+    blockmap::{COLUMNS, NO_OBJECT, flag, ground::GROUND_COLOUR},
     sea::SeaEnds,
 };
 use insula_shaders::shore::{Cell, CellEnds};
@@ -19,21 +19,32 @@ const LEVELS: u8 = 3;
 /// Attributes by which maps tell the sea from other water: the coastline of OpenStreetMap, the ocean of Overture.
 const OF_SEA: [(&str, &str); 3] = [("natural", "coastline"), ("subtype", "ocean"), ("class", "ocean")];
 
+/// Level ground on which nothing is painted differs by so little from generated ground, in each channel: textures have losses.
+const BARE_TOLERANCE: u8 = 10;
+
+/// Numbers of a city's objects, in ascending order.
+#[derive(Debug, Default)]
+pub(crate) struct SeaAndLand {
+    pub(crate) sea: Vec<u32>,
+    /// Terrain.
+    pub(crate) land: Vec<u32>,
+}
+
 /// Whether an object is a part of the sea.
 pub(super) fn is_sea(record: &SourceRecord) -> bool {
     let says_so = |(name, value): &(String, Value)| matches!(value, Value::Text(text) if OF_SEA.iter().any(|(key, sea)| name == key && text == sea));
     record.kind == FeatureKind::Water && record.attributes.iter().any(says_so)
 }
 
-/// The ends of a city in the sea; `None` if it has none. `sea` are the numbers of its objects that are sea, in ascending order; `corner_m`
-/// is the south-west corner of the root in the world. Fails if a tile cannot be read.
+/// The ends of a city in the sea; `None` if it has none. `corner_m` is the south-west corner of the root in the world. Fails if a tile
+/// cannot be read.
 pub(super) fn ends(
     (tree, grid): (&TileTree, &CityGrid),
     corner_m: [f64; 2],
-    sea: &[u32],
+    known: &SeaAndLand,
     tiles: &mut dyn TileContent,
 ) -> Result<Option<SeaEnds>, BakeError> {
-    if sea.is_empty() {
+    if known.sea.is_empty() {
         return Ok(None);
     }
     let depth = grid.depth.min(LEVELS);
@@ -45,7 +56,7 @@ pub(super) fn ends(
         let width = 1_usize << (depth - tile.id.level());
         let corner = [tile.id.x(), tile.id.y()].map(|place| place as usize * NODE_CELLS * width);
         for i in 0..COLUMNS {
-            let cell = cell_of(&map, i, sea);
+            let cell = cell_of(&map, i, known);
             if cell == Cell::Water {
                 colours.push(map.roof[i].rgb());
             }
@@ -67,15 +78,21 @@ pub(super) fn ends(
 }
 
 /// What a column shows from above.
-fn cell_of(map: &BlockMap, column: usize, sea: &[u32]) -> Cell {
+fn cell_of(map: &BlockMap, column: usize, known: &SeaAndLand) -> Cell {
     let is_there = map.flags[column] & flag::OCCUPIED != 0;
     // Generated ground is no object.
     let object = map.objects.as_ref().map_or(NO_OBJECT, |objects| objects.roof[column]);
+    // Level ground reaches beyond the map, and beyond its sea.
+    let is_bare = || is_bare(map.roof[column].rgb()) && known.land.binary_search(&object).is_ok();
     match is_there && object != NO_OBJECT {
-        true if sea.binary_search(&object).is_ok() => Cell::Water,
-        true => Cell::Other,
-        false => Cell::Bare,
+        true if known.sea.binary_search(&object).is_ok() => Cell::Water,
+        true if !is_bare() => Cell::Other,
+        _ => Cell::Bare,
     }
+}
+
+fn is_bare(rgb: [u8; 3]) -> bool {
+    rgb.iter().zip(GROUND_COLOUR).all(|(a, b)| a.abs_diff(b) <= BARE_TOLERANCE)
 }
 
 /// The median of each channel; black of none.
@@ -105,6 +122,13 @@ mod tests {
         assert!(!is_sea(&record(FeatureKind::Water, "natural", "water")));
         assert!(!is_sea(&record(FeatureKind::LandUse, "natural", "coastline")));
         assert!(!is_sea(&record(FeatureKind::Water, "name", "ocean")));
+    }
+
+    #[test]
+    fn ground_without_paint_is_bare() {
+        assert!(is_bare(GROUND_COLOUR) && is_bare(GROUND_COLOUR.map(|v| v - 1)) && is_bare([194; 3]));
+        // A road.
+        assert!(!is_bare([166, 168, 170]));
     }
 
     #[test]
