@@ -125,13 +125,14 @@ pub fn read_declaration(label: &str, inner: &mut dyn BufRead) -> Result<(Vec<u8>
 
 /// The encoding of a text that does not tell it, by its beginning: UTF-8, one of East Asia, or else Windows-1252.
 pub fn likely_encoding(head: &[u8]) -> &'static Encoding {
-    // The last line may be cut within a letter.
-    let whole = head.iter().rposition(|byte| *byte == b'\n').map_or(head, |end| &head[..end]);
-    if std::str::from_utf8(whole).is_ok() {
+    // The beginning may end within a letter.
+    if std::str::from_utf8(head).map_or_else(|fault| fault.error_len().is_none(), |_| true) {
         return UTF_8;
     }
+    let lines = head.iter().rposition(|byte| *byte == b'\n').map_or(head, |end| &head[..end]);
     // Two letters of Finnish may be one of Chinese.
-    east_asian_page(whole).filter(|_| is_hardly_western(whole)).unwrap_or(WINDOWS_1252)
+    let east_asian = [head, lines].into_iter().filter(|text| is_hardly_western(text)).find_map(east_asian_page);
+    east_asian.unwrap_or(WINDOWS_1252)
 }
 
 /// A part of a text in an encoding that is likely. One that is likely in UTF-8 may have parts in Windows-1252, and the other way around.
