@@ -1,11 +1,8 @@
 //! Writes a Rust array of the bundled cities' files, which `commands::demo` embeds.
 
-use std::{
-    env,
-    fmt::Write,
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
 
 fn main() -> io::Result<()> {
     let crate_dir = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());

@@ -2,12 +2,9 @@
 //!
 //! `INSULA_WEB_DIST` names another folder than `client/web/dist`; if it is empty, nothing is embedded.
 
-use std::{
-    env,
-    fmt::Write,
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
 
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-env-changed=INSULA_WEB_DIST");

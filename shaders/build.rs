@@ -1,12 +1,10 @@
 //! Copies the WGSL into the build. Browsers fetch it apart from the program, and only for a GPU: `client/web/build` takes `browser.wgsl`,
 //! where the files are minified and joined, each after a line `//@ NAME`.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet},
-    env, fs, io,
-    path::{Path, PathBuf},
-};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
 
 const FOLDERS: [&str; 2] = ["", "shared/"];
 /// Files of the bake, which no browser needs.

@@ -4,22 +4,23 @@ mod draw;
 mod switch;
 mod view_options;
 
+use crate::image_files::parse_picture_path;
+use crate::objects::ObjectStyleArgs;
+use crate::render::AdapterChoice;
+use crate::stream::fetch::HttpOptions;
+use clap::builder::TypedValueParser;
+use clap::{Args, Parser, Subcommand};
 pub use draw::DrawArgs;
+use insula_command_line::output::OverwriteArgs;
+use insula_command_line::{SetupCommand, parse_size, parse_tau};
+use insula_shaders::layout::Shading;
+use insula_shaders::look::Look;
+use insula_viewer::interaction::frame_pacing::FRAME_RATES;
+use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
+use insula_viewer::translucency::Translucency;
+use std::path::PathBuf;
 pub use switch::SwitchArgs;
 pub use view_options::{PlaceArgs, StreetPlace, Target, ViewpointArgs};
-
-use crate::{
-    image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
-};
-use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
-use insula_command_line::{SetupCommand, output::OverwriteArgs, parse_size, parse_tau};
-use insula_shaders::{layout::Shading, look::Look};
-use insula_viewer::{
-    interaction::frame_pacing::FRAME_RATES,
-    sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
-    translucency::Translucency,
-};
-use std::path::PathBuf;
 
 /// Insula: fly through whole cities, streamed.
 #[derive(Debug, Parser)]

@@ -4,10 +4,8 @@ use crate::error::{ClientError, Result};
 use insula_archive::file::read_text;
 use insula_archive::new_file::replace;
 use insula_command_line::output::unused_file;
-use insula_viewer::{
-    camera::{Camera, CameraFile, CameraPath},
-    camera_text,
-};
+use insula_viewer::camera::{Camera, CameraFile, CameraPath};
+use insula_viewer::camera_text;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,7 @@
 //! The program `insula`.
 
-use insula_client::{args::Cli, commands};
+use insula_client::args::Cli;
+use insula_client::commands;
 use insula_command_line::{error_line, log, parse};
 use std::process::ExitCode;
 

@@ -1,17 +1,14 @@
 //! Objects of the city that a session views: attributes, colours, filters.
 
-use crate::{
-    error::{ClientError, Result},
-    language,
-    proposal::AddedObjects,
-    stream::fetch::Http,
-};
-use insula_objects::{Schema, search::SearchHit};
+use crate::error::{ClientError, Result};
+use crate::language;
+use crate::proposal::AddedObjects;
+use crate::stream::fetch::Http;
+use insula_objects::Schema;
+use insula_objects::search::SearchHit;
 use insula_protocol::text::printable;
-use insula_viewer::{
-    objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects},
-    source::{FetchError, TileSource, WITHOUT_OBJECTS},
-};
+use insula_viewer::objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects};
+use insula_viewer::source::{FetchError, TileSource, WITHOUT_OBJECTS};
 use std::sync::Arc;
 
 /// The objects of a city, fetched while the caller waits.
@@ -145,9 +142,11 @@ fn fetch_error(what: &str, error: &FetchError) -> ClientError {
 mod tests {
     use super::*;
     use bytes::Bytes;
-    use insula_objects::{FeatureKind, ObjectBounds, ObjectRecord, Value, block, schema::SchemaBuilder};
+    use insula_objects::schema::SchemaBuilder;
+    use insula_objects::{FeatureKind, ObjectBounds, ObjectRecord, Value, block};
     use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
-    use insula_viewer::{scene::TileKey, source::PendingTile};
+    use insula_viewer::scene::TileKey;
+    use insula_viewer::source::PendingTile;
 
     /// A building of two parts, which alone have shapes and roofs, and a year.
     struct House {

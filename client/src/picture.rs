@@ -1,17 +1,15 @@
 //! Streams and draws single pictures: to their end, and in strips, so that a large picture takes little memory of the device and
 //! can be cancelled.
 
-use crate::{box_lines::paint_lines, error::Result, session::Session};
+use crate::box_lines::paint_lines;
+use crate::error::Result;
+use crate::session::Session;
 use glam::Vec3;
-use insula_shaders::{
-    cpu::raycast::Pixels,
-    layout::{FrameUniform, Shading},
-    tone::develop,
-};
-use insula_viewer::{
-    frame::RenderSettings,
-    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::{FrameUniform, Shading};
+use insula_shaders::tone::develop;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::streamer::{FEEDBACK_DOWNSCALE, FrameRequest};
 use std::time::Duration;
 
 /// Longest wait for an arrival before retries are checked.

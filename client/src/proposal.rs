@@ -2,10 +2,8 @@
 
 use crate::error::{ClientError, Result};
 use insula_objects::NamedValues;
-use insula_viewer::{
-    additions::{AddedObject, FIRST_ADDED, PackedAddition, pack},
-    objects::{ObjectDescription, ObjectState, ObjectStyles},
-};
+use insula_viewer::additions::{AddedObject, FIRST_ADDED, PackedAddition, pack};
+use insula_viewer::objects::{ObjectDescription, ObjectState, ObjectStyles};
 use std::sync::Arc;
 
 /// A proposal that a session shows, or hides.

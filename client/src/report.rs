@@ -1,16 +1,15 @@
 //! Reports of a run as JSON for scripts (`--report`). The field names are the JSON keys.
 
-use crate::{
-    error::{ClientError, Result},
-    render::AdapterInfo,
-};
+use crate::error::{ClientError, Result};
+use crate::render::AdapterInfo;
 use insula_archive::new_file::replace;
 use insula_command_line::output::FileKind;
 use insula_protocol::text::printable_json;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::streamer::TileCounts;
 use serde::Serialize;
-use std::{path::Path, time::Duration};
+use std::path::Path;
+use std::time::Duration;
 
 /// A colour channel that differs by more than this makes a pixel wrong.
 const WRONG_CHANNEL_DIFFERENCE: u8 = 8;

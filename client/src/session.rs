@@ -2,38 +2,30 @@
 //!
 //! Adds to the pure [`Streamer`] the clock, the ray-caster, and a thread that keeps the network busy while a frame is drawn.
 
-use crate::{
-    error::{ClientError, Result},
-    objects::ObjectLookup,
-    proposal::ShownProposal,
-    render::{Adapter, AdapterInfo, OpenedAdapter},
-    report::{FlightSample, FrameTimes, RunReport},
-    stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
-};
+use crate::error::{ClientError, Result};
+use crate::objects::ObjectLookup;
+use crate::proposal::ShownProposal;
+use crate::render::{Adapter, AdapterInfo, OpenedAdapter};
+use crate::report::{FlightSample, FrameTimes, RunReport};
+use crate::stream::BackgroundFetcher;
+use crate::stream::fetch::Http;
+use crate::stream::notifier::Notifier;
 use insula_protocol::blockmap::NO_OBJECT;
-use insula_shaders::cpu::{
-    hit_counts::hit_counts,
-    raycast::Pixels,
-    stepped::{FrameProgress, SteppedFrame},
-};
-use insula_viewer::{
-    cache::PAGE_BYTES,
-    collision::CitySolids,
-    frame::{FrameData, RenderSettings},
-    objects::ObjectStyles,
-    scene::{SceneTree, TreeNode},
-    source::TileSource,
-    streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts},
-};
-use std::{
-    ops::{Deref, DerefMut},
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
-    thread::JoinHandle,
-    time::{Duration, Instant},
-};
+use insula_shaders::cpu::hit_counts::hit_counts;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::cpu::stepped::{FrameProgress, SteppedFrame};
+use insula_viewer::cache::PAGE_BYTES;
+use insula_viewer::collision::CitySolids;
+use insula_viewer::frame::{FrameData, RenderSettings};
+use insula_viewer::objects::ObjectStyles;
+use insula_viewer::scene::{SceneTree, TreeNode};
+use insula_viewer::source::TileSource;
+use insula_viewer::streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts};
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// Number of frame times that are recorded. Later ones are ignored.
 const MAX_FRAME_TIMES: usize = 100_000;

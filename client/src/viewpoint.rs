@@ -1,14 +1,14 @@
 //! Where a picture is taken: a camera file, a place in degrees, or the first view of the city.
 
-use crate::{
-    args::{StreetPlace, Target, ViewpointArgs},
-    camera_files::read_camera,
-    error::{ClientError, Result},
-    session::Session,
-};
+use crate::args::{StreetPlace, Target, ViewpointArgs};
+use crate::camera_files::read_camera;
+use crate::error::{ClientError, Result};
+use crate::session::Session;
 use glam::DVec2;
 use insula_protocol::Manifest;
-use insula_viewer::{camera::Camera, collision::EYE_HEIGHT_M, earth::grid_position};
+use insula_viewer::camera::Camera;
+use insula_viewer::collision::EYE_HEIGHT_M;
+use insula_viewer::earth::grid_position;
 use std::f64::consts::FRAC_PI_2;
 
 /// Eyes on streets look a little up, to where houses are.

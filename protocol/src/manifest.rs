@@ -1,6 +1,7 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
-use crate::{sea::SeaEnds, text::count};
+use crate::sea::SeaEnds;
+use crate::text::count;
 use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.

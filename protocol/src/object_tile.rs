@@ -2,11 +2,9 @@
 //!
 //! This module defines their addresses and their container. `insula-objects` defines their content.
 
-use crate::{
-    TileId, TileKind,
-    error::{DecodeError, check_limit},
-    tile::{TileReader, TileWriter},
-};
+use crate::error::{DecodeError, check_limit};
+use crate::tile::{TileReader, TileWriter};
+use crate::{TileId, TileKind};
 
 /// Objects of a block.
 pub const BLOCK_OBJECTS: u32 = 512;

@@ -3,13 +3,11 @@
 //! Addresses are never percent-decoded. Names and numbers have one spelling each, so every resource has one address and
 //! caches hold it once.
 
-use crate::{
-    TileGroup, TileId, TileKind,
-    manifest::is_name,
-    mesh_tile,
-    object_tile::{self, SCHEMA_ID},
-};
-use std::{borrow::Cow, fmt};
+use crate::manifest::is_name;
+use crate::object_tile::{self, SCHEMA_ID};
+use crate::{TileGroup, TileId, TileKind, mesh_tile};
+use std::borrow::Cow;
+use std::fmt;
 
 mod template;
 

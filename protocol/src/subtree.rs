@@ -4,13 +4,12 @@
 //! for each node of levels 5, 10, ... that has children. Such a node is in two tiles, as the root of one and at the
 //! bottom of another, so that leaves need no tile of their own.
 
-use crate::{
-    TileId, TileKind,
-    codec::{byte_reader::ByteReader, varint},
-    error::DecodeError,
-    mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES},
-    tile::{TileReader, TileWriter},
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::varint;
+use crate::error::DecodeError;
+use crate::mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES};
+use crate::tile::{TileReader, TileWriter};
+use crate::{TileId, TileKind};
 
 /// Levels below a subtree's root that it lists.
 pub const LEVELS: u8 = 5;

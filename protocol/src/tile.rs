@@ -2,11 +2,10 @@
 //!
 //! `blockmap`, `subtree`, `mesh_tile`, `object_tile` and `visibility_tile` define the contents of the sections.
 
-use crate::{
-    TileId, codec,
-    codec::{byte_reader::ByteReader, checksum},
-    error::{DecodeError, check_limit},
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::checksum;
+use crate::error::{DecodeError, check_limit};
+use crate::{TileId, codec};
 use serde::{Deserialize, Serialize};
 
 /// The first four bytes of every tile.

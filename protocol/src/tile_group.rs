@@ -3,12 +3,10 @@
 //! A view needs many small tiles next to each other. One request for all of them saves round trips, and what a host asks for a
 //! request. Groups are aligned to the quadtree, so that equal views ask for equal addresses, which caches hold.
 
-use crate::{
-    DecodeError, TileId, TileKind,
-    codec::{byte_reader::ByteReader, varint},
-    error::check_limit,
-    mesh_tile,
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::varint;
+use crate::error::check_limit;
+use crate::{DecodeError, TileId, TileKind, mesh_tile};
 
 /// The first four bytes of every group.
 pub const MAGIC: [u8; 4] = *b"INSG";

@@ -4,16 +4,12 @@
 //! are in one tile. A cell is the space above a leaf up to the top of the highest layer. For each leaf within the tile's reach of a
 //! cell, it says from which layer on the leaf may be seen. `insula-visibility` computes the sets.
 
-use crate::{
-    TileId, TileKind,
-    codec::{
-        byte_reader::ByteReader,
-        range::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder},
-    },
-    error::{DecodeError, check_limit},
-    tile::{MAX_SECTION_BYTES, TileReader, TileWriter},
-    tile_id::MAX_LEVEL,
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::range::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder};
+use crate::error::{DecodeError, check_limit};
+use crate::tile::{MAX_SECTION_BYTES, TileReader, TileWriter};
+use crate::tile_id::MAX_LEVEL;
+use crate::{TileId, TileKind};
 
 /// Version of the content.
 const VERSION: u8 = 1;

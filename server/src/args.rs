@@ -8,24 +8,27 @@ mod objects;
 mod parse;
 mod publish;
 
+use crate::config::PublicUrl;
 #[cfg(feature = "bake")]
 pub use analyse::{AnalyseArgs, Analysis};
 pub use choices::{GeneratedFacades, GeneratedGround, LengthUnit, Preference, UpAxis, VisibilityRenderer};
+use clap::builder::ArgPredicate;
+use clap::{Parser, Subcommand};
+use insula_command_line::SetupCommand;
+use insula_command_line::area::AreaArgs;
+use insula_command_line::output::OverwriteArgs;
+use insula_protocol::TileId;
+use insula_protocol::blockmap::Quality;
 pub use meshes::{AoArgs, CompareArgs, CompressArgs, DecompressArgs, SimplifyArgs};
 #[cfg(feature = "bake")]
 pub use objects::{ChangesArgs, ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::GeoPlace;
-pub use publish::{PublishArgs, SignArgs};
-
-use crate::config::PublicUrl;
-use clap::{Parser, Subcommand, builder::ArgPredicate};
-use insula_command_line::{SetupCommand, area::AreaArgs, output::OverwriteArgs};
-use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
     parse_address, parse_bytes, parse_cell, parse_crs, parse_kilometres, parse_metres, parse_name, parse_place,
     parse_positive_metres, parse_quality, parse_tile,
 };
+pub use publish::{PublishArgs, SignArgs};
 use std::path::PathBuf;
 
 const EXAMPLE: &str = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft";

@@ -1,11 +1,9 @@
 //! `insula-server`: bakes, serves, inspects and verifies cities.
 
 use insula_command_line::{error_line, log, parse};
-use insula_server::{
-    args::{Args, ServerCommand},
-    commands,
-    memory::LimitedAllocator,
-};
+use insula_server::args::{Args, ServerCommand};
+use insula_server::commands;
+use insula_server::memory::LimitedAllocator;
 use std::process::ExitCode;
 
 #[global_allocator]

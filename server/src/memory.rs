@@ -5,12 +5,11 @@
 //! can be measured. It is right to `BATCH_BYTES` per thread.
 
 use mimalloc::MiMalloc;
-use std::{
-    alloc::{GlobalAlloc, Layout},
-    cell::Cell,
-    io::Write,
-    sync::atomic::{AtomicBool, AtomicIsize, AtomicUsize, Ordering::Relaxed},
-};
+use std::alloc::{GlobalAlloc, Layout};
+use std::cell::Cell;
+use std::io::Write;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicIsize, AtomicUsize};
 
 /// Changes that a thread collects before it adds them to the common count.
 const BATCH_BYTES: isize = 64 << 10;
@@ -111,7 +110,9 @@ fn end_program(why: std::fmt::Arguments<'_>) {
 /// Without standard error's lock, which the thread may hold, and without exit handlers, which may wait for other threads.
 #[cfg(unix)]
 fn print_and_exit(line: &[u8]) -> ! {
-    use std::{fs::File, mem::ManuallyDrop, os::fd::FromRawFd};
+    use std::fs::File;
+    use std::mem::ManuallyDrop;
+    use std::os::fd::FromRawFd;
     unsafe extern "C" {
         fn _exit(code: i32) -> !;
     }

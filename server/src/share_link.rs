@@ -7,14 +7,14 @@
 
 use crate::secret_file::SecretFile;
 use hmac::{Hmac, KeyInit, Mac};
-use insula_protocol::{Manifest, TileId, TileKind, manifest::is_name, route::RouteTemplate};
+use insula_protocol::manifest::is_name;
+use insula_protocol::route::RouteTemplate;
+use insula_protocol::{Manifest, TileId, TileKind};
 use percent_encoding::percent_decode_str;
 use sha2::Sha256;
-use std::{
-    fmt::{self, Write},
-    path::Path,
-    time::{Duration, SystemTime, UNIX_EPOCH},
-};
+use std::fmt::{self, Write};
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Name of the query parameter.
 pub const PARAMETER: &str = "share";

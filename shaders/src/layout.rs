@@ -5,11 +5,9 @@
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
+use crate::stone::{MAX_STONES, Stone};
+use crate::translucency::{MAX_MAPS, TranslucencyMap};
 pub use crate::words::PAGE_WORDS;
-use crate::{
-    stone::{MAX_STONES, Stone},
-    translucency::{MAX_MAPS, TranslucencyMap},
-};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 use insula_protocol::NODE_CELLS;

@@ -3,15 +3,11 @@
 //! All radiances are in units of what a white matt surface that faces the sun reflects, so that a lit city has the same
 //! values at any height of the sun. [`Light::key`] says how bright its picture is to be.
 
-use crate::{
-    atmosphere::{Atmosphere, MIE_G, PHASE_SCALE, SkyLight, hemisphere, luminance},
-    layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
-};
+use crate::atmosphere::{Atmosphere, MIE_G, PHASE_SCALE, SkyLight, hemisphere, luminance};
+use crate::layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable};
 use glam::{DVec2, DVec3, Vec3};
-use std::{
-    f64::consts::PI,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::f64::consts::PI;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Sine of the height below which the sky looks as at this height: 1.7 degrees. Haze has the colour of the sky there.
 pub(crate) const SKY_LOW: f32 = 0.029_666;

@@ -4,11 +4,9 @@
 //! looks, and so is `--shading`. The constants are those of a set of target pictures: sunlit plaster is white, shade has little colour,
 //! far land takes the colour of the sky above it.
 
-use crate::{
-    atmosphere::LUMINANCE,
-    layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS},
-    light::SKY_LOW,
-};
+use crate::atmosphere::LUMINANCE;
+use crate::layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS};
+use crate::light::SKY_LOW;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
 /// How a lit city is shown.

@@ -10,16 +10,17 @@
 //! | last | objects of a node that has some: 1 + places in the palette, of the top (12 bits), the wall (12) and the lower top (8). The palette is among the strips: a word per object, see [`crate::layout::PALETTE_COLOURED`] |
 //! | 4... | strips; none crosses a page. With [`flag::GAP`] the two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] the two words before those are [`clip_word`] and the texel beyond the plane |
 
+use crate::atmosphere::LUMINANCE;
 use crate::layout::{
     ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX,
     ROOF_PLANE, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
-use crate::{atmosphere::LUMINANCE, srgb::linear_of, words};
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, ThinShare, flag, strip_rows},
-    octahedral,
+use crate::srgb::linear_of;
+use crate::words;
+use insula_protocol::blockmap::{
+    COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, ThinShare, flag, strip_rows,
 };
+use insula_protocol::{BlockMap, NODE_CELLS, octahedral};
 use serde::{Deserialize, Serialize};
 
 /// Bits of a height in a word of the walk plane or of a column's bounds.
@@ -342,10 +343,8 @@ fn summarise(map: &BlockMap) -> NodeSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{
-        Texel, TileId,
-        blockmap::{CornerWall, MapColumn, OuterTop, WallStrip},
-    };
+    use insula_protocol::blockmap::{CornerWall, MapColumn, OuterTop, WallStrip};
+    use insula_protocol::{Texel, TileId};
 
     fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> MapColumn {
         let rows = strip_rows(z_min, z_max, 0).1;

@@ -7,8 +7,10 @@ pub(crate) use one_thread::*;
 
 #[cfg(not(target_arch = "wasm32"))]
 mod all_cores {
-    pub(crate) use rayon::prelude::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
-    pub(crate) use rayon::prelude::{IntoParallelRefIterator, ParallelSlice, ParallelSliceMut};
+    pub(crate) use rayon::prelude::{
+        IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator, ParallelSlice,
+        ParallelSliceMut,
+    };
 
     /// Runs `work` on each core.
     pub(crate) fn on_all_cores(work: impl Fn() + Sync) {

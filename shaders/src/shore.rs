@@ -3,18 +3,15 @@
 //! A manifest tells it, if the bake knows what is sea. Else it is found in the V-BlockMap of the whole city. By fields of
 //! [`FrameUniform`], rays that meet the plane, or generated ground, beyond the city see the sea.
 
-use crate::{
-    layout::{FrameUniform, ROOF_PLANE, WALK_PLANE},
-    pack::{FLAGS_SHIFT, PackedNode},
-    srgb::linear_of,
-};
+use crate::layout::{FrameUniform, ROOF_PLANE, WALK_PLANE};
+use crate::pack::{FLAGS_SHIFT, PackedNode};
+use crate::srgb::linear_of;
 use glam::{DVec2, Vec3};
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::{flag, ground::GROUND_COLOUR},
-    sea::{PARTS, SeaEnds, SeaSides},
-    texel::Texel,
-};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
+use insula_protocol::blockmap::ground::GROUND_COLOUR;
+use insula_protocol::sea::{PARTS, SeaEnds, SeaSides};
+use insula_protocol::texel::Texel;
 
 /// Largest number of steps inwards: it has four bits.
 const MOST_STEPS: u16 = 15;
@@ -241,7 +238,9 @@ fn sea_along(
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
-    use insula_protocol::{BlockMap, TileId, blockmap::MapColumn, texel::AO_MAX};
+    use insula_protocol::blockmap::MapColumn;
+    use insula_protocol::texel::AO_MAX;
+    use insula_protocol::{BlockMap, TileId};
 
     /// A city that is described from cell 8 to 40 on both axes, within bare ground: sea in the south and east, houses elsewhere.
     fn coast(at: impl Fn(usize, usize) -> Option<(bool, [u8; 3])>) -> PackedNode {

@@ -1,13 +1,11 @@
 //! From radiance to the screen: storage of a pixel's radiance, exposure by the frame's mean, tone curve, dithering. GPU twin:
 //! `wgsl/shared/tone.wgsl` and `wgsl/meter.wgsl`.
 
+use crate::atmosphere::LUMINANCE;
+use crate::compose::shades;
+use crate::layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading};
 use crate::parallel::*;
-use crate::{
-    atmosphere::LUMINANCE,
-    compose::shades,
-    layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading},
-    srgb::{encode_srgb, encoded},
-};
+use crate::srgb::{encode_srgb, encoded};
 use glam::{Mat3, Vec3};
 use std::sync::LazyLock;
 

@@ -1,9 +1,7 @@
 //! Words of the atlas in serialised tiles: as bytes, little-endian, which is many times faster than word by word.
 
-use serde::{
-    Deserializer, Serializer,
-    de::{Error, Visitor},
-};
+use serde::de::{Error, Visitor};
+use serde::{Deserializer, Serializer};
 
 /// Words (u32) of an atlas page: 16 KiB, one plane of a node.
 pub const PAGE_WORDS: usize = 4096;

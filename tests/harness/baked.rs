@@ -1,25 +1,17 @@
 //! A baked city read from its folder, without HTTP or cache: the tiles of a client that has fetched everything.
 
-use crate::{
-    draw_list::{CityArea, DrawList},
-    view::{Camera, FrameSpec},
-};
+use crate::draw_list::{CityArea, DrawList};
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_protocol::{
-    BlockMap, Manifest, Subtree, TileId, TileKind,
-    blockmap::NodeGround,
-    subtree::{MeshLod, NodeInfo},
-};
+use insula_protocol::blockmap::NodeGround;
+use insula_protocol::subtree::{MeshLod, NodeInfo};
+use insula_protocol::{BlockMap, Manifest, Subtree, TileId, TileKind};
 use insula_server::store::CityStore;
-use insula_viewer::{
-    camera::{FrustumPlane, View},
-    select::cull::is_box_in_view,
-};
-use std::{
-    collections::{BTreeMap, HashMap},
-    path::Path,
-};
+use insula_viewer::camera::{FrustumPlane, View};
+use insula_viewer::select::cull::is_box_in_view;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 
 /// Least distance in the projected error, as in the client.
 const NEAR_M: f64 = 1.0;

@@ -1,24 +1,19 @@
 //! Meshes of a baked city, drawn by the client's rule or all at one level of detail.
 
-use crate::{
-    baked::Baked,
-    draw_list::DrawList,
-    view::{Camera, FrameSpec},
-};
+use crate::baked::Baked;
+use crate::draw_list::DrawList;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result};
 use glam::DVec3;
 use insula_protocol::{TileId, TileKind, mesh_tile};
 use insula_shaders::mesh::PackedMesh;
-use insula_viewer::{
-    cache::PackedTile,
-    decode::{DecodedTile, decode},
-    scene::TileKey,
-    select::screen_error::ErrorMetric,
-};
-use std::{
-    collections::{HashMap, hash_map::Entry},
-    ops::Range,
-};
+use insula_viewer::cache::PackedTile;
+use insula_viewer::decode::{DecodedTile, decode};
+use insula_viewer::scene::TileKey;
+use insula_viewer::select::screen_error::ErrorMetric;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::ops::Range;
 
 impl Baked {
     /// Number of a leaf's levels of detail; 0 without a mesh.

@@ -1,11 +1,9 @@
 //! Twelve cameras per city, the same in every run: four in the air, four on roofs, four in streets. Nothing is above them, and
 //! those on roofs and in streets are two metres above the surface.
 
-use crate::{
-    rng::Rng,
-    truth::Truth,
-    view::{Camera, FrameSpec},
-};
+use crate::rng::Rng;
+use crate::truth::Truth;
+use crate::view::{Camera, FrameSpec};
 use glam::{DVec2, DVec3};
 use insula_bake::scene::ObjectKind;
 use insula_shaders::layout::Shading;

@@ -1,10 +1,8 @@
 //! Measures how well a frame shows the source.
 
-use crate::{
-    rng::Rng,
-    truth::Truth,
-    view::{Camera, FrameSpec},
-};
+use crate::rng::Rng;
+use crate::truth::Truth;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result};
 use blazediff_ssim::{Plane, SsimOptions};
 use glam::DVec3;

@@ -1,23 +1,16 @@
 //! A server of a city of 20 levels that is full everywhere: a client that flies through it never comes to an end.
 
-use insula_protocol::{
-    BlockMap, Manifest, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, MapColumn},
-    route::{self, Route, TileRoute},
-};
-use insula_test_support::{
-    http::{self, Request},
-    rng::Rng,
-    small_city,
-};
-use std::{
-    io::Write,
-    net::TcpStream,
-    sync::{
-        Arc,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn};
+use insula_protocol::route::{self, Route, TileRoute};
+use insula_protocol::{BlockMap, Manifest, Texel, TileId, TileKind};
+use insula_test_support::http::{self, Request};
+use insula_test_support::rng::Rng;
+use insula_test_support::small_city;
+use std::io::Write;
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
 const NAME: &str = "deep";
 const DEPTH: u8 = insula_protocol::tile_id::MAX_LEVEL;

@@ -2,17 +2,14 @@
 
 use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec2, Vec3};
-use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
-use insula_shaders::{
-    cpu::{
-        raycast::{Pixels, SceneRef},
-        render::render,
-    },
-    grid::{self, GridBuilder},
-    layout::{ADDED_LEVEL, DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading},
-    mesh::{PackedMesh, leaf_offset},
-    pack::PackedNode,
-};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::{BlockMap, NODE_CELLS, TileId};
+use insula_shaders::cpu::raycast::{Pixels, SceneRef};
+use insula_shaders::cpu::render::render;
+use insula_shaders::grid::{self, GridBuilder};
+use insula_shaders::layout::{ADDED_LEVEL, DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading};
+use insula_shaders::mesh::{PackedMesh, leaf_offset};
+use insula_shaders::pack::PackedNode;
 use std::collections::BTreeMap;
 
 /// Position and size of a city.

@@ -1,22 +1,19 @@
 //! Twelve views of a city, drawn from the baked city and from its source, and how they differ.
 
-use crate::{
-    baked::Baked,
-    cameras::{self, Station, StationKind},
-    compare::{self, Colour, Score},
-    draw_list::DrawList,
-    fixtures,
-    gpu::Gpu,
-    truth::Truth,
-    view::FrameSpec,
-};
+use crate::baked::Baked;
+use crate::cameras::{self, Station, StationKind};
+use crate::compare::{self, Colour, Score};
+use crate::draw_list::DrawList;
+use crate::fixtures;
+use crate::gpu::Gpu;
+use crate::truth::Truth;
+use crate::view::FrameSpec;
 use anyhow::{Context, Result};
-use insula_bake::{
-    BakeOptions, Silent,
-    scene::{ObjectKind, Scene},
-};
+use insula_bake::scene::{ObjectKind, Scene};
+use insula_bake::{BakeOptions, Silent};
 use insula_protocol::TileId;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 use insula_viewer::frame::STILL_SAMPLES;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

@@ -1,14 +1,13 @@
 //! Small cities for tests: a generated one and a real one.
 
-use crate::{programs::program, rng::Rng};
+use crate::programs::program;
+use crate::rng::Rng;
 use anyhow::{Context, Result};
 use insula_bake::{BakeOptions, Silent};
 use serde_json::{Value, json};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    sync::OnceLock,
-};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// A cuboid at `x`, `y` as a CityJSON solid, whose vertices are numbered from `first`.
 fn block(x: f64, y: f64, side_m: f64, height_m: f64, first: usize) -> (Vec<[i64; 3]>, Value) {

@@ -2,12 +2,10 @@
 
 use crate::draw_list::Scene;
 use anyhow::{Context, Result};
-use insula_shaders::{
-    cpu::raycast::Pixels,
-    gpu::{Capacity, DeviceQueue, Raycaster},
-    layout::{PAGE_WORDS, SUMMARY_WORDS},
-    translucency::MAX_MAPS,
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::gpu::{Capacity, DeviceQueue, Raycaster};
+use insula_shaders::layout::{PAGE_WORDS, SUMMARY_WORDS};
+use insula_shaders::translucency::MAX_MAPS;
 use std::sync::{Mutex, PoisonError};
 
 #[derive(Debug)]

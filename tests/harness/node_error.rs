@@ -1,17 +1,17 @@
 //! How far each level of a baked city lies from its source, in both directions.
 
-use crate::{
-    baked::Baked,
-    compare::percentile,
-    rng::Rng,
-    truth::Truth,
-    view::{Camera, FrameSpec},
-};
+use crate::baked::Baked;
+use crate::compare::percentile;
+use crate::rng::Rng;
+use crate::truth::Truth;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result};
 use glam::DVec3;
 use insula_bake::columns::column_field::ColumnField;
-use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::{BlockMap, NODE_CELLS, TileId};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 use rayon::prelude::*;
 
 const FRAME: FrameSpec = FrameSpec { width_px: 200, height_px: 150, shading: Shading::Albedo, samples: 1 };

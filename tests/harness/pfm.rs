@@ -1,7 +1,8 @@
 //! Images of distances as PFM files: little-endian, rows from the bottom.
 
 use anyhow::{Context, Result, bail};
-use std::{fs, path::Path};
+use std::fs;
+use std::path::Path;
 
 /// One number per pixel.
 #[derive(Debug, Clone, PartialEq)]

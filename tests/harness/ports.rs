@@ -1,10 +1,9 @@
 //! Addresses of servers that end and start again.
 
 use anyhow::{Context, Result};
-use std::{
-    net::{SocketAddr, TcpListener},
-    sync::atomic::{AtomicU16, Ordering::Relaxed},
-};
+use std::net::{SocketAddr, TcpListener};
+use std::sync::atomic::AtomicU16;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Ports below those that the system gives to connections.
 const FIRST_PORT: u16 = 20_000;

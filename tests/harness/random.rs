@@ -1,20 +1,15 @@
 //! Random cities of one to three levels with all kinds of columns, and random cameras.
 
-use crate::{
-    draw_list::{CityArea, DrawList},
-    rng::Rng,
-    view::Camera,
-};
+use crate::draw_list::{CityArea, DrawList};
+use crate::rng::Rng;
+use crate::view::Camera;
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{
-        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, ThinShare, WallStrip,
-        Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
-    },
-    octahedral,
+use insula_protocol::blockmap::{
+    COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, ThinShare, WallStrip,
+    Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
 };
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId, octahedral};
 
 #[derive(Debug, Clone)]
 pub struct RandomCity {

@@ -1,13 +1,12 @@
 //! Random meshes for nodes of a random city: boxes, loose triangles and slivers, with colours or a texture.
 
-use crate::{random::RandomCity, rng::Rng};
+use crate::random::RandomCity;
+use crate::rng::Rng;
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use insula_protocol::{
-    TileId,
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
-    mesh_tile::NO_OBJECT,
-};
+use insula_protocol::TileId;
+use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_shaders::mesh::{MeshTexture, PackedMesh};
 
 #[derive(Debug, Clone)]

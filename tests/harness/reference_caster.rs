@@ -1,12 +1,13 @@
 //! Defines what V-BlockMaps look like, in the simplest way: every solid of every column is intersected with every ray in f64,
 //! and the hits are composited front to back. Without a tree, summaries, pages or stepping.
 
-use crate::{draw_list::CityArea, view::Camera};
+use crate::draw_list::CityArea;
+use crate::view::Camera;
 use glam::{DVec2, DVec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, ThinShare, flag, strip_rows},
+use insula_protocol::blockmap::{
+    CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, ThinShare, flag, strip_rows,
 };
+use insula_protocol::{BlockMap, NODE_CELLS, Texel};
 use insula_shaders::pack::slope_codes;
 
 /// What a ray returns.

@@ -1,23 +1,17 @@
 //! Rows of terraced houses on flat ground as meshes of four leaves, which meet in the middle of roofs. What no ray towards
 //! the north-east and down can see unless it passes a closed surface is red.
 
-use crate::{
-    draw_list::{CityArea, DrawList},
-    rng::Rng,
-    view::{Camera, FrameSpec},
-};
+use crate::draw_list::{CityArea, DrawList};
+use crate::rng::Rng;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
-use insula_protocol::{
-    BlockMap, TileId,
-    blockmap::COLUMNS,
-    mesh::{Attribute, Mesh, PositionGrid},
-};
-use insula_shaders::{
-    cpu::raycast::Pixels,
-    layout::Shading,
-    mesh::{PackedMesh, ray_origin},
-};
+use insula_protocol::blockmap::COLUMNS;
+use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
+use insula_protocol::{BlockMap, TileId};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_shaders::mesh::{PackedMesh, ray_origin};
 
 /// Side of a leaf.
 const LEAF_M: u32 = 64;

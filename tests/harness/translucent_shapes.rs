@@ -2,14 +2,10 @@
 
 use anyhow::{Context, Result};
 use glam::{Vec2, Vec3};
-use insula_shaders::{
-    cpu::{
-        translucency::{MapAxes, gathered},
-        translucency_map::{add_levels, entered_share, texel_words},
-    },
-    stone::Stone,
-    translucency::{Dipole, MapPlace, TranslucencyMap},
-};
+use insula_shaders::cpu::translucency::{MapAxes, gathered};
+use insula_shaders::cpu::translucency_map::{add_levels, entered_share, texel_words};
+use insula_shaders::stone::Stone;
+use insula_shaders::translucency::{Dipole, MapPlace, TranslucencyMap};
 use insula_test_support::rng::Rng;
 
 /// Triangles with normals at their corners, in metres.

@@ -7,12 +7,10 @@ use crate::gpu::{Gpu, adapter_is_required};
 use anyhow::Result;
 use insula_test_support::tier;
 use libtest_mimic::{Arguments, Failed, Trial};
-use std::{
-    fs::File,
-    io::Write,
-    sync::{Arc, Mutex, PoisonError},
-    time::Instant,
-};
+use std::fs::File;
+use std::io::Write;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// Result of a test: nothing if it panics when it fails.
 pub trait Outcome {

@@ -3,20 +3,15 @@
 use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec3, Vec3A};
 use insula_bake::scene::{Scene, SceneTexture};
-use insula_shaders::{
-    cpu::{
-        raycast::Pixels,
-        shade::{Airlight, background, encode_srgb, linear_of},
-    },
-    layout::NO_NODE,
-};
-use obvhs::{
-    BvhBuildParams,
-    aabb::Aabb,
-    bvh2::{Bvh2, builder::build_bvh2_from_tris},
-    ray::{Ray, RayHit},
-    triangle::Triangle,
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::cpu::shade::{Airlight, background, encode_srgb, linear_of};
+use insula_shaders::layout::NO_NODE;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 use std::time::Duration;
 

@@ -1,6 +1,8 @@
 //! Compares the frames of two ray-casters.
 
-use crate::{draw_list::Scene, gpu::Gpu, view::Camera};
+use crate::draw_list::Scene;
+use crate::gpu::Gpu;
+use crate::view::Camera;
 use anyhow::{Result, bail};
 use glam::Vec2;
 use insula_shaders::cpu::raycast::Pixels;

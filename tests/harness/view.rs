@@ -3,11 +3,9 @@
 use anyhow::{Context, Result};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
-use insula_shaders::{
-    layout::{FrameUniform, Light, Shading},
-    light::Air,
-    look::Look,
-};
+use insula_shaders::layout::{FrameUniform, Light, Shading};
+use insula_shaders::light::Air;
+use insula_shaders::look::Look;
 use serde::{Deserialize, Serialize};
 
 /// A camera in the source's coordinates: the JSON of `insula snapshot --camera`.

@@ -3,16 +3,18 @@
 use crate::view::Camera;
 use anyhow::{Result, ensure};
 use glam::DVec3;
-use insula_client::{
-    args::GlobalArgs, commands::headless::open_session, render::AdapterChoice, session::Session, stream::fetch::Http,
-};
+use insula_client::args::GlobalArgs;
+use insula_client::commands::headless::open_session;
+use insula_client::render::AdapterChoice;
+use insula_client::session::Session;
+use insula_client::stream::fetch::Http;
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
-use insula_viewer::{frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
-use std::{
-    path::Path,
-    time::{Duration, Instant},
-};
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::scene::tile::TileState;
+use insula_viewer::streamer::FrameRequest;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 const SIZE_PX: [u32; 2] = [640, 360];
 /// Time between two frames, in which responses arrive.

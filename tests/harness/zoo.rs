@@ -1,21 +1,18 @@
 //! Small scenes of single shapes: baked, drawn, and compared with their ray-traced source.
 
-use crate::{
-    baked::Baked,
-    fixtures::build_folder,
-    truth::Truth,
-    view::{Camera, FrameSpec},
-};
+use crate::baked::Baked;
+use crate::fixtures::build_folder;
+use crate::truth::Truth;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
-use insula_bake::{
-    BakeOptions, Silent,
-    read::ReadReport,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
-};
+use insula_bake::read::ReadReport;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
+use insula_bake::{BakeOptions, Silent};
 use insula_protocol::BlockMap;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 use std::f64::consts::TAU;
 
 pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };

@@ -1,9 +1,12 @@
 //! `analyse` of a baked house: what it writes, and what it says of wrong options.
 
 use crate::command_line::call;
-use insula_tests::{tests, trials::Trials};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use serde_json::Value;
-use std::{ffi::OsStr, fs, path::Path};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -3,21 +3,16 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_test_support::tier;
-use insula_tests::{
-    fixtures,
-    programs::{ServerProcess, program, run},
-    tests,
-    trials::{Test, Trials, WHOLE_CITY},
-};
+use insula_tests::programs::{ServerProcess, program, run};
+use insula_tests::trials::{Test, Trials, WHOLE_CITY};
+use insula_tests::{fixtures, tests};
 use serde_json::{Value, json};
-use std::{
-    fs,
-    net::TcpListener,
-    path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
-    thread::sleep,
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 pub(crate) fn add(trials: &mut Trials) {

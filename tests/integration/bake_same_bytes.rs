@@ -3,15 +3,11 @@
 use anyhow::{Context, Result, ensure};
 use insula_bake::{BakeOptions, Silent};
 use insula_test_support::tier;
-use insula_tests::{
-    fixtures, tests,
-    trials::{Trials, WHOLE_CITY},
-};
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-};
+use insula_tests::trials::{Trials, WHOLE_CITY};
+use insula_tests::{fixtures, tests};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn add(trials: &mut Trials) {
     let tests = tests![a_textured_part_bakes_to_the_same_bytes, a_town_of_blocks_bakes_to_the_same_bytes];

@@ -4,22 +4,16 @@
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 use insula_bake::scene::{ObjectKind, Scene, SceneTriangle};
-use insula_protocol::{
-    Manifest, NODE_CELLS, TileId,
-    blockmap::{
-        NodeGround, flag,
-        ground::{SQUARES, VERTICES, is_rising_diagonal},
-        voxels::{ROWS_BELOW, Voxels},
-    },
-};
+use insula_protocol::blockmap::ground::{SQUARES, VERTICES, is_rising_diagonal};
+use insula_protocol::blockmap::voxels::{ROWS_BELOW, Voxels};
+use insula_protocol::blockmap::{NodeGround, flag};
+use insula_protocol::{Manifest, NODE_CELLS, TileId};
 use insula_simplify::surface::Surface;
-use insula_tests::{
-    baked::Baked,
-    carving::Carving,
-    fidelity,
-    trials::{Test, Trials, WHOLE_CITY},
-    zoo::{BakedShape, Shapes, paint, rectangle, turned},
-};
+use insula_tests::baked::Baked;
+use insula_tests::carving::Carving;
+use insula_tests::fidelity;
+use insula_tests::trials::{Test, Trials, WHOLE_CITY};
+use insula_tests::zoo::{BakedShape, Shapes, paint, rectangle, turned};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add([

@@ -1,9 +1,12 @@
 //! `changes` between two bakes of a street, and what it says of cities that have no map in common.
 
 use crate::command_line::call;
-use insula_tests::{tests, trials::Trials};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use serde_json::{Value, json};
-use std::{ffi::OsStr, fs, path::Path};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![buildings_are_built_demolished_and_changed, cities_without_a_map_in_common_are_refused]);

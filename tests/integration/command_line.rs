@@ -4,8 +4,13 @@ use clap::CommandFactory;
 use insula_client::args::Cli;
 use insula_server::args::Args;
 use insula_test_support::programs::{ServerProcess, program, run};
-use insula_tests::{source_code::tracked_files, tests, trials::Trials};
-use std::{ffi::OsStr, fs, path::Path, process::Command as Process};
+use insula_tests::source_code::tracked_files;
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
+use std::process::Command as Process;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -1,12 +1,11 @@
 //! Dependencies between the packages of the workspace, and libraries that a package must not use. See docs/architecture.md.
 
-use insula_tests::{tests, trials::Trials};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use serde_json::Value;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-    process::Command,
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -5,14 +5,16 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use insula_client::args::Cli;
 use insula_protocol::mesh_tile::MAX_LODS;
-use insula_server::{args::Args, page::ViewerAssets};
+use insula_server::args::Args;
+use insula_server::page::ViewerAssets;
 use insula_test_support::programs::{ServerProcess, find_installed, program, run};
-use insula_tests::{
-    source_code::{root, tracked_files},
-    tests,
-    trials::{Test, Trials},
-};
-use std::{collections::BTreeSet, env, path::Path, process::Command};
+use insula_tests::source_code::{root, tracked_files};
+use insula_tests::tests;
+use insula_tests::trials::{Test, Trials};
+use std::collections::BTreeSet;
+use std::env;
+use std::path::Path;
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -3,24 +3,24 @@
 
 use anyhow::{Context, Result, ensure};
 use glam::{DMat2, DVec2, DVec3};
-use insula_bake::{
-    BakeOptions, Silent,
-    read::{Palette, PaletteMode, ReadOptions, TerrainOptions},
-    sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle},
-};
+use insula_bake::read::{Palette, PaletteMode, ReadOptions, TerrainOptions};
+use insula_bake::sample::SampleSettings;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle};
+use insula_bake::{BakeOptions, Silent};
 use insula_protocol::TileId;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 use insula_test_support::folder::TestFolder;
-use insula_tests::{
-    baked::Baked,
-    compare, tests,
-    trials::Trials,
-    truth::Truth,
-    view::{Camera, FrameSpec},
-};
+use insula_tests::baked::Baked;
+use insula_tests::trials::Trials;
+use insula_tests::truth::Truth;
+use insula_tests::view::{Camera, FrameSpec};
+use insula_tests::{compare, tests};
 use insula_viewer::frame::STILL_SAMPLES;
-use std::{fmt::Write, fs, path::Path, sync::Arc};
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![pictures_from_above_lie_where_they_belong]);

@@ -3,14 +3,13 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_test_support::programs::{ServerProcess, call, program};
-use insula_tests::{tests, trials::Trials};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use serde_json::json;
-use std::{
-    fs,
-    io::{Read, Write},
-    net::{SocketAddr, TcpStream},
-    process::Command,
-};
+use std::fs;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

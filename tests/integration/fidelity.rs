@@ -1,13 +1,11 @@
 //! Baked cities look like their sources: twelve views of each real city against its ray-traced triangles, within bounds.
 
 use anyhow::{Context, Result, ensure};
-use insula_tests::{
-    baked::Baked,
-    cameras::StationKind,
-    fidelity::{self, MeasureOptions, REAL_CITIES, Summary},
-    trials::{Test, Trials, WHOLE_CITY},
-    truth::Truth,
-};
+use insula_tests::baked::Baked;
+use insula_tests::cameras::StationKind;
+use insula_tests::fidelity::{self, MeasureOptions, REAL_CITIES, Summary};
+use insula_tests::trials::{Test, Trials, WHOLE_CITY};
+use insula_tests::truth::Truth;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(REAL_CITIES.map(|name| {

@@ -5,15 +5,14 @@ use clap::{Command, CommandFactory};
 use insula_client::args::Cli;
 use insula_server::args::Args;
 use insula_test_support::programs::program;
-use insula_tests::{tests, trials::Trials};
-use std::{
-    any::TypeId,
-    collections::{BTreeMap, BTreeSet},
-    ffi::OsString,
-    fs,
-    path::{Path, PathBuf},
-    process::{Command as Process, Output, Stdio},
-};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use std::any::TypeId;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Output, Stdio};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

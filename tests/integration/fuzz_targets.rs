@@ -2,12 +2,12 @@
 
 #![allow(clippy::duplicate_mod, reason = "two programs share a module")]
 
-use insula_tests::{source_code::tracked_files, tests, trials::Trials};
-use std::{
-    collections::BTreeSet,
-    fs,
-    path::{Path, PathBuf},
-};
+use insula_tests::source_code::tracked_files;
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![every_target_is_listed, targets_take_their_corpora]);

@@ -3,12 +3,10 @@
 
 use glam::DVec3;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_tests::{
-    tests,
-    trials::Trials,
-    view::Camera,
-    zoo::{BakedShape, FRAME, Shapes, save_frames},
-};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use insula_tests::view::Camera;
+use insula_tests::zoo::{BakedShape, FRAME, Shapes, save_frames};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![four_slabs_with_gaps_of_8_m, a_bridge, an_arcade, an_elevated_road]);

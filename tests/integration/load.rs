@@ -2,7 +2,10 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_protocol::manifest::Manifest;
-use insula_tests::{fixtures, load::overload, programs::program, tests, trials::Trials};
+use insula_tests::load::overload;
+use insula_tests::programs::program;
+use insula_tests::trials::Trials;
+use insula_tests::{fixtures, tests};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![an_overloaded_server_refuses_and_recovers]);

@@ -2,16 +2,13 @@
 //! ignored.
 
 use anyhow::{Context, Result, ensure};
-use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
-use insula_simplify::{
-    model::{ModelFormat, TriangleModel, quantise},
-    simplify::{Goal, simplify},
-};
-use insula_tests::{
-    fidelity::{self, REAL_CITIES},
-    leaves,
-    trials::{Test, Trials},
-};
+use insula_protocol::mesh::Mesh;
+use insula_protocol::mesh::half_edge::HalfEdgeMesh;
+use insula_simplify::model::{ModelFormat, TriangleModel, quantise};
+use insula_simplify::simplify::{Goal, simplify};
+use insula_tests::fidelity::{self, REAL_CITIES};
+use insula_tests::leaves;
+use insula_tests::trials::{Test, Trials};
 use std::path::Path;
 
 pub(crate) fn add(trials: &mut Trials) {

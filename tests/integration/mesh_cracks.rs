@@ -2,19 +2,17 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_protocol::TileId;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 use insula_test_support::tier;
-use insula_tests::{
-    baked::Baked,
-    cameras,
-    fidelity::{self, REAL_CITIES},
-    rng::Rng,
-    terraces::{self, Terraces},
-    tests,
-    trials::{Test, Trials, WHOLE_CITY},
-    truth::Truth,
-    view::FrameSpec,
-};
+use insula_tests::baked::Baked;
+use insula_tests::fidelity::{self, REAL_CITIES};
+use insula_tests::rng::Rng;
+use insula_tests::terraces::{self, Terraces};
+use insula_tests::trials::{Test, Trials, WHOLE_CITY};
+use insula_tests::truth::Truth;
+use insula_tests::view::FrameSpec;
+use insula_tests::{cameras, tests};
 use rayon::prelude::*;
 
 const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };

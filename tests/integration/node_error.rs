@@ -2,13 +2,11 @@
 
 use anyhow::{Result, ensure};
 use insula_test_support::tier;
-use insula_tests::{
-    baked::Baked,
-    compare::percentile,
-    fidelity, fixtures, node_error, tests,
-    trials::{Trials, WHOLE_CITY},
-    truth::Truth,
-};
+use insula_tests::baked::Baked;
+use insula_tests::compare::percentile;
+use insula_tests::trials::{Trials, WHOLE_CITY};
+use insula_tests::truth::Truth;
+use insula_tests::{fidelity, fixtures, node_error, tests};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![points_lie_within_the_errors_of_their_nodes].map(|test| test.in_turn(&WHOLE_CITY)));

@@ -3,16 +3,15 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_test_support::programs::{ServerProcess, call, program, run};
-use insula_tests::{tests, trials::Trials};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use serde_json::{Value, json};
-use std::{
-    collections::BTreeMap,
-    fs,
-    io::{Read, Write},
-    net::TcpStream,
-    path::Path,
-    process::Command,
-};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![buildings_have_one_number_and_plans_lie_in_the_city, labels_are_what_people_read]);

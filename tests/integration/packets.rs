@@ -1,33 +1,24 @@
 //! Packets of rays draw what single rays draw, with every instruction set, and adaptive sampling draws nearly the same.
 
 use anyhow::{Context, Result, ensure};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn},
-};
-use insula_shaders::{
-    cpu::{
-        instruction_set::InstructionSet,
-        night::bays_of,
-        raycast::{Pixels, Sampling, SceneRef},
-        render::{RenderedRows, render_with},
-        stepped::{FrameProgress, SteppedFrame},
-    },
-    layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
-    light::{Air, NightLights},
-    look::Look,
-    tone::decode_radiance,
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn};
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId};
+use insula_shaders::cpu::instruction_set::InstructionSet;
+use insula_shaders::cpu::night::bays_of;
+use insula_shaders::cpu::raycast::{Pixels, Sampling, SceneRef};
+use insula_shaders::cpu::render::{RenderedRows, render_with};
+use insula_shaders::cpu::stepped::{FrameProgress, SteppedFrame};
+use insula_shaders::layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading};
+use insula_shaders::light::{Air, NightLights};
+use insula_shaders::look::Look;
+use insula_shaders::tone::decode_radiance;
 use insula_test_support::tier;
-use insula_tests::{
-    draw_list::{CityArea, DrawList, Scene},
-    random::{self, Pose, RandomCity},
-    random_mesh,
-    rng::Rng,
-    tests,
-    trials::Trials,
-    view::{Camera, FrameSpec, in_look},
-};
+use insula_tests::draw_list::{CityArea, DrawList, Scene};
+use insula_tests::random::{self, Pose, RandomCity};
+use insula_tests::rng::Rng;
+use insula_tests::trials::Trials;
+use insula_tests::view::{Camera, FrameSpec, in_look};
+use insula_tests::{random_mesh, tests};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

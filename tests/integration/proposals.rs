@@ -2,10 +2,14 @@
 //! that shows the same.
 
 use crate::command_line::call;
-use insula_tests::{pfm::Pfm, tests, trials::Trials};
+use insula_tests::pfm::Pfm;
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 use insula_viewer::additions::FIRST_ADDED;
 use serde_json::{Value, json};
-use std::{ffi::OsStr, fs, path::Path};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -1,11 +1,10 @@
 //! The Python package: its own tests, with the programs. Without Python or `numpy`, they are reported as ignored.
 
 use anyhow::{Context, Result, ensure};
-use insula_tests::{
-    programs::{find_installed, program, run},
-    trials::{Test, Trials},
-};
-use std::{path::Path, process::Command};
+use insula_tests::programs::{find_installed, program, run};
+use insula_tests::trials::{Test, Trials};
+use std::path::Path;
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     let has_numpy = find_installed("python3").is_some()

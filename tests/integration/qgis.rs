@@ -2,10 +2,8 @@
 //! Python, they are reported as ignored.
 
 use super::scripts::passes_its_unit_tests;
-use insula_tests::{
-    programs::{find_installed, program},
-    trials::{Test, Trials},
-};
+use insula_tests::programs::{find_installed, program};
+use insula_tests::trials::{Test, Trials};
 use std::path::Path;
 
 pub(crate) fn add(trials: &mut Trials) {

@@ -5,13 +5,13 @@
 //! the sequence alone is tried again.
 
 use super::file_safety::{TOWN, Workplace, tree};
-use insula_test_support::{rng::Rng, tier};
-use insula_tests::{tests, trials::Trials};
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-};
+use insula_test_support::rng::Rng;
+use insula_test_support::tier;
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![random_commands_leave_the_files_of_others_alone]);

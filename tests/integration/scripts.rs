@@ -2,14 +2,10 @@
 //! have a place. The page's service worker, by a script of Node.js. Without Python or Node.js, or a module that a script needs, they are reported as ignored.
 
 use anyhow::{Context, Result, ensure};
-use insula_tests::{
-    programs::{find_installed, run},
-    trials::{Test, Trials},
-};
-use std::{
-    path::{Path, PathBuf},
-    process::Command,
-};
+use insula_tests::programs::{find_installed, run};
+use insula_tests::trials::{Test, Trials};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Prints the scripts whose imports, and those of the scripts that they import, are not all installed. Starting each script would
 /// take longer than most tests.

@@ -1,15 +1,11 @@
 //! The server is killed and restarted while the client streams: the client keeps drawing and converges by itself.
 
 use anyhow::{Result, ensure};
-use insula_tests::{
-    fixtures, ports,
-    programs::ServerProcess,
-    proxy::Proxy,
-    tests,
-    trials::Trials,
-    twin,
-    viewer::{Viewer, overlook},
-};
+use insula_tests::programs::ServerProcess;
+use insula_tests::proxy::Proxy;
+use insula_tests::trials::Trials;
+use insula_tests::viewer::{Viewer, overlook};
+use insula_tests::{fixtures, ports, tests, twin};
 
 /// Bytes of responses that suffice to connect.
 const CONNECT_BYTES: usize = 1 << 20;

@@ -1,15 +1,13 @@
 //! Streaming over a slow link: an early complete frame, steady refinement, cancelled requests.
 
 use anyhow::{Result, ensure};
-use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
-use insula_tests::{
-    fixtures,
-    programs::{ServerProcess, wait_until},
-    proxy::Proxy,
-    tests,
-    trials::Trials,
-    viewer::{Viewer, overlook},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::NO_NODE;
+use insula_tests::programs::{ServerProcess, wait_until};
+use insula_tests::proxy::Proxy;
+use insula_tests::trials::Trials;
+use insula_tests::viewer::{Viewer, overlook};
+use insula_tests::{fixtures, tests};
 
 /// Bytes of responses that suffice to connect.
 const CONNECT_BYTES: usize = 1 << 20;

@@ -2,37 +2,34 @@
 
 use anyhow::{Result, ensure};
 use insula_archive::disk_cache::DiskCache;
-use insula_client::{
-    args::GlobalArgs,
-    commands::{connect::connect, headless},
-    render::{Adapter, AdapterChoice},
-    session::Session,
-    stream::{
-        BackgroundFetcher,
-        fetch::Http,
-        source::disk::{CachedCity, EXTENSION},
-    },
-};
-use insula_server::{config::ServeConfig, http::HttpServer, store::Store};
+use insula_client::args::GlobalArgs;
+use insula_client::commands::connect::connect;
+use insula_client::commands::headless;
+use insula_client::render::{Adapter, AdapterChoice};
+use insula_client::session::Session;
+use insula_client::stream::BackgroundFetcher;
+use insula_client::stream::fetch::Http;
+use insula_client::stream::source::disk::{CachedCity, EXTENSION};
+use insula_server::config::ServeConfig;
+use insula_server::http::HttpServer;
+use insula_server::store::Store;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_test_support::{
-    faulty_host::{FaultyHost, HostFaults},
-    programs::{program, run},
-};
-use insula_tests::{
-    synth::{City, Viewpoint},
-    tests,
-    trials::Trials,
-    viewer::{fetch_all, global, open},
-};
-use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
-use std::{
-    collections::HashSet,
-    path::{Path, PathBuf},
-    process::Command,
-    sync::{Arc, OnceLock, atomic::Ordering::Relaxed},
-    time::{Duration, Instant},
-};
+use insula_test_support::faulty_host::{FaultyHost, HostFaults};
+use insula_test_support::programs::{program, run};
+use insula_tests::synth::{City, Viewpoint};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use insula_tests::viewer::{fetch_all, global, open};
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::scene::SceneTree;
+use insula_viewer::streamer::FrameRequest;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 pub(crate) fn add(trials: &mut Trials) {

@@ -1,10 +1,10 @@
 //! The structure of the code: import directions, names, lengths. See docs/architecture.md, "Invariants".
 
-use insula_tests::{
-    source_code::{CrateModules, function_lengths, is_test, tracked_files, type_definitions, without_inline_tests},
-    tests,
-    trials::Trials,
+use insula_tests::source_code::{
+    CrateModules, function_lengths, is_test, tracked_files, type_definitions, without_inline_tests,
 };
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -1,16 +1,17 @@
 //! Generated cities are the same in every run, valid, and as planned.
 use glam::{DVec2, DVec3};
 use insula_bake::Silent;
-use insula_protocol::{NODE_CELLS, blockmap::flag};
-use insula_tests::{
-    baked::Baked,
-    programs,
-    rng::Rng,
-    synth::{City, plan::Plan, triangles},
-    tests,
-    trials::Trials,
-};
-use std::{fs, path::Path, process::Command};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
+use insula_tests::baked::Baked;
+use insula_tests::rng::Rng;
+use insula_tests::synth::plan::Plan;
+use insula_tests::synth::{City, triangles};
+use insula_tests::trials::Trials;
+use insula_tests::{programs, tests};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![generated_cities_are_reproducible_and_valid, columns_are_as_high_as_the_triangles]);

@@ -3,13 +3,12 @@
 
 use glam::DVec3;
 use insula_bake::scene::ObjectKind;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_tests::{
-    tests,
-    trials::Trials,
-    view::{Camera, FrameSpec},
-    zoo::{BakedShape, Shapes, save_frames},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use insula_tests::view::{Camera, FrameSpec};
+use insula_tests::zoo::{BakedShape, Shapes, save_frames};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![thin_things_in_the_open, thin_things_on_terrain, thin_things_of_small_cells]);

@@ -1,10 +1,8 @@
 //! Rules about the text of the repository.
 
-use insula_tests::{
-    source_code::{is_test, tracked_files, without_inline_tests},
-    tests,
-    trials::Trials,
-};
+use insula_tests::source_code::{is_test, tracked_files, without_inline_tests};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

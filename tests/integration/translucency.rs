@@ -2,16 +2,12 @@
 //! meshes, with more points.
 
 use glam::Vec3;
-use insula_shaders::{
-    stone::Stone,
-    translucency::{FAST_TAPS, FINE_TAPS},
-};
+use insula_shaders::stone::Stone;
+use insula_shaders::translucency::{FAST_TAPS, FINE_TAPS};
 use insula_test_support::tier;
-use insula_tests::{
-    tests,
-    translucent_shapes::{LitShape, Shape, filter_error},
-    trials::Trials,
-};
+use insula_tests::tests;
+use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
+use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![

@@ -1,20 +1,16 @@
 //! Composition: the pixels of the ray-caster reach a render target, in sRGB and other formats, scaled to the nearest pixel.
 
 use anyhow::Result;
-use insula_shaders::{
-    cpu::raycast::Pixels,
-    gpu::{Compose, DeviceQueue, Raycaster},
-    layout::Shading,
-    look::Look,
-};
-use insula_tests::{
-    gpu::Gpu,
-    gpu_tests,
-    random::{self, Pose},
-    rng::Rng,
-    trials::Trials,
-    view::{FrameSpec, in_look},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::gpu::{Compose, DeviceQueue, Raycaster};
+use insula_shaders::layout::Shading;
+use insula_shaders::look::Look;
+use insula_tests::gpu::Gpu;
+use insula_tests::gpu_tests;
+use insula_tests::random::{self, Pose};
+use insula_tests::rng::Rng;
+use insula_tests::trials::Trials;
+use insula_tests::view::{FrameSpec, in_look};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![target_shows_the_pixels_of_the_ray_caster]);

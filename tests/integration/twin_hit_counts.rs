@@ -1,21 +1,17 @@
 //! Hit counts: the GPU counts what the CPU counts.
 
 use anyhow::{Context, Result};
-use insula_shaders::{
-    cpu::hit_counts::hit_counts,
-    gpu::{DeviceQueue, HitCounts, Raycaster},
-    layout::{NO_NODE, Shading},
-};
-use insula_tests::{
-    draw_list::Scene,
-    gpu::Gpu,
-    gpu_tests,
-    programs::wait_until,
-    random::{self, Pose},
-    rng::Rng,
-    trials::Trials,
-    view::FrameSpec,
-};
+use insula_shaders::cpu::hit_counts::hit_counts;
+use insula_shaders::gpu::{DeviceQueue, HitCounts, Raycaster};
+use insula_shaders::layout::{NO_NODE, Shading};
+use insula_tests::draw_list::Scene;
+use insula_tests::gpu::Gpu;
+use insula_tests::gpu_tests;
+use insula_tests::programs::wait_until;
+use insula_tests::random::{self, Pose};
+use insula_tests::rng::Rng;
+use insula_tests::trials::Trials;
+use insula_tests::view::FrameSpec;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![gpu_counts_the_same_hits_as_the_cpu, one_count_is_in_flight_at_a_time]);

@@ -2,33 +2,24 @@
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use insula_protocol::{
-    BlockMap, TileId,
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
-    mesh_tile::{LandmarkObject, OCCLUSION_BITS},
-};
-use insula_shaders::{
-    cpu::{
-        instruction_set::InstructionSet,
-        raycast::{Pixels, Sampling},
-        render::render_with,
-        translucency_map::make_map,
-    },
-    layout::Shading,
-    mesh::PackedMesh,
-    stone::{MAX_STONES, PRESETS, Stone},
-    tone::decode_radiance,
-    translucency::{FAST_TAPS, FINE_TAPS, MAP_WORDS, MapPlace, TranslucencyMap},
-};
+use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::mesh_tile::{LandmarkObject, OCCLUSION_BITS};
+use insula_protocol::{BlockMap, TileId};
+use insula_shaders::cpu::instruction_set::InstructionSet;
+use insula_shaders::cpu::raycast::{Pixels, Sampling};
+use insula_shaders::cpu::render::render_with;
+use insula_shaders::cpu::translucency_map::make_map;
+use insula_shaders::layout::Shading;
+use insula_shaders::mesh::PackedMesh;
+use insula_shaders::stone::{MAX_STONES, PRESETS, Stone};
+use insula_shaders::tone::decode_radiance;
+use insula_shaders::translucency::{FAST_TAPS, FINE_TAPS, MAP_WORDS, MapPlace, TranslucencyMap};
 use insula_test_support::tier;
-use insula_tests::{
-    draw_list::{CityArea, DrawList, Scene},
-    gpu::Gpu,
-    gpu_tests, tests,
-    trials::Trials,
-    twin,
-    view::{Camera, FrameSpec},
-};
+use insula_tests::draw_list::{CityArea, DrawList, Scene};
+use insula_tests::gpu::Gpu;
+use insula_tests::trials::Trials;
+use insula_tests::view::{Camera, FrameSpec};
+use insula_tests::{gpu_tests, tests, twin};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![gpu_draws_landmarks_as_the_cpu_does, gpu_lets_light_through_stone_as_the_cpu_does]).add(

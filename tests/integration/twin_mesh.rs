@@ -2,27 +2,22 @@
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn},
-    mesh::{Attribute, Mesh, PositionGrid},
-    octahedral,
-};
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
+use insula_protocol::blockmap::{COLUMNS, MapColumn};
+use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId, octahedral};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_shaders::mesh::PackedMesh;
 use insula_test_support::tier;
-use insula_tests::{
-    draw_list::{CityArea, DrawList},
-    gpu::Gpu,
-    gpu_tests,
-    random::{self, Pose, RandomCity},
-    random_mesh::{self, RandomMesh},
-    rng::Rng,
-    terraces::{self, Terraces},
-    tests,
-    trials::Trials,
-    twin,
-    view::{Camera, FrameSpec},
-};
+use insula_tests::draw_list::{CityArea, DrawList};
+use insula_tests::gpu::Gpu;
+use insula_tests::random::{self, Pose, RandomCity};
+use insula_tests::random_mesh::{self, RandomMesh};
+use insula_tests::rng::Rng;
+use insula_tests::terraces::{self, Terraces};
+use insula_tests::trials::Trials;
+use insula_tests::view::{Camera, FrameSpec};
+use insula_tests::{gpu_tests, tests, twin};
 use std::sync::OnceLock;
 
 pub(crate) fn add(trials: &mut Trials) {

@@ -2,7 +2,9 @@
 
 use anyhow::Result;
 use insula_occlusion::{OccludedMesh, OcclusionSettings, cpu, gpu};
-use insula_tests::{gpu::Gpu, gpu_tests, trials::Trials};
+use insula_tests::gpu::Gpu;
+use insula_tests::gpu_tests;
+use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![gpu_and_cpu_give_the_same_occlusion]);

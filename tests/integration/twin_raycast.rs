@@ -2,37 +2,29 @@
 
 use anyhow::{Context, Result, ensure};
 use glam::{DVec3, Vec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn, WallStrip, flag, ground::GROUND_COLOUR},
-    octahedral,
+use insula_protocol::blockmap::ground::GROUND_COLOUR;
+use insula_protocol::blockmap::{COLUMNS, MapColumn, WallStrip, flag};
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId, octahedral};
+use insula_shaders::cpu::night::bays_of;
+use insula_shaders::cpu::raycast::{Pixels, count};
+use insula_shaders::cpu::shade::{Airlight, background, encode_srgb};
+use insula_shaders::layout::{
+    FrameUniform, Light, NO_NODE, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading,
 };
-use insula_shaders::{
-    cpu::{
-        night::bays_of,
-        raycast::{Pixels, count},
-        shade::{Airlight, background, encode_srgb},
-    },
-    layout::{FrameUniform, Light, NO_NODE, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
-    light::{Air, NightLights},
-    look::Look,
-    pack::PackedNode,
-    shore::Shore,
-    tone::decode_radiance,
-};
+use insula_shaders::light::{Air, NightLights};
+use insula_shaders::look::Look;
+use insula_shaders::pack::PackedNode;
+use insula_shaders::shore::Shore;
+use insula_shaders::tone::decode_radiance;
 use insula_test_support::tier;
-use insula_tests::{
-    draw_list::{CityArea, DrawList},
-    gpu::Gpu,
-    gpu_tests,
-    random::{self, Pose, RandomCity},
-    reference_caster::{ReferenceCaster, ReferencePixel},
-    rng::Rng,
-    tests,
-    trials::Trials,
-    twin,
-    view::{Camera, FrameSpec, in_look},
-};
+use insula_tests::draw_list::{CityArea, DrawList};
+use insula_tests::gpu::Gpu;
+use insula_tests::random::{self, Pose, RandomCity};
+use insula_tests::reference_caster::{ReferenceCaster, ReferencePixel};
+use insula_tests::rng::Rng;
+use insula_tests::trials::Trials;
+use insula_tests::view::{Camera, FrameSpec, in_look};
+use insula_tests::{gpu_tests, tests, twin};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 

@@ -3,21 +3,22 @@
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4, Vec4Swizzles};
-use insula_shaders::{
-    cpu::{
-        night::scramble_cell,
-        noise::perlin,
-        stone::stone_surface,
-        ward::{StoneSide, reflect_stone},
-    },
-    layout::{FrameUniform, Light, binding},
-    light::Air,
-    stone::{MAX_STONES, PRESETS, Stone},
-    wgsl,
-};
-use insula_tests::{gpu::Gpu, gpu_tests, rng::Rng, tests, trials::Trials};
-use std::{f64::consts::TAU, mem::offset_of};
-use wgpu::{BufferUsages, util::DeviceExt};
+use insula_shaders::cpu::night::scramble_cell;
+use insula_shaders::cpu::noise::perlin;
+use insula_shaders::cpu::stone::stone_surface;
+use insula_shaders::cpu::ward::{StoneSide, reflect_stone};
+use insula_shaders::layout::{FrameUniform, Light, binding};
+use insula_shaders::light::Air;
+use insula_shaders::stone::{MAX_STONES, PRESETS, Stone};
+use insula_shaders::wgsl;
+use insula_tests::gpu::Gpu;
+use insula_tests::rng::Rng;
+use insula_tests::trials::Trials;
+use insula_tests::{gpu_tests, tests};
+use std::f64::consts::TAU;
+use std::mem::offset_of;
+use wgpu::BufferUsages;
+use wgpu::util::DeviceExt;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![gpu_shows_the_same_stone_as_the_cpu]).add(tests![structs_have_the_same_layout]);

@@ -1,19 +1,15 @@
 //! Visibility on a GPU gives the same bake as on the CPU, except for texels on edges.
 
 use anyhow::{Context, Result};
-use insula_bake::{
-    BakeOptions, Silent,
-    sample::{SampleSettings, VisibilityBackend},
-};
-use insula_protocol::{BlockMap, TileId, blockmap::flag};
+use insula_bake::sample::{SampleSettings, VisibilityBackend};
+use insula_bake::{BakeOptions, Silent};
+use insula_protocol::blockmap::flag;
+use insula_protocol::{BlockMap, TileId};
 use insula_test_support::tier;
-use insula_tests::{
-    baked::Baked,
-    fixtures,
-    gpu::Gpu,
-    gpu_tests,
-    trials::{Trials, WHOLE_CITY},
-};
+use insula_tests::baked::Baked;
+use insula_tests::gpu::Gpu;
+use insula_tests::trials::{Trials, WHOLE_CITY};
+use insula_tests::{fixtures, gpu_tests};
 use std::collections::BTreeMap;
 
 pub(crate) fn add(trials: &mut Trials) {

@@ -4,13 +4,11 @@
 use glam::{DVec2, DVec3};
 use insula_bake::scene::{ObjectKind, Scene};
 use insula_shaders::layout::Shading;
-use insula_tests::{
-    tests,
-    trials::Trials,
-    truth::Truth,
-    view::Camera,
-    zoo::{BakedShape, ShapeScore, Shapes, orbit_camera, paint, rectangle, turned},
-};
+use insula_tests::tests;
+use insula_tests::trials::Trials;
+use insula_tests::truth::Truth;
+use insula_tests::view::Camera;
+use insula_tests::zoo::{BakedShape, ShapeScore, Shapes, orbit_camera, paint, rectangle, turned};
 use std::sync::OnceLock;
 
 pub(crate) fn add(trials: &mut Trials) {

@@ -6,21 +6,15 @@
 use anyhow::{Context, Result, ensure};
 use clap::{Parser, ValueEnum};
 use insula_protocol::Manifest;
-use insula_tests::{
-    browser::{
-        Browser, Button, Page, PageOptions,
-        city_page::CityPage,
-        same_picture::{SharedView, cameras, in_browser, native, share_of_same},
-    },
-    compare::percentile,
-    programs::ServerProcess,
-};
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::browser::same_picture::{SharedView, cameras, in_browser, native, share_of_same};
+use insula_tests::browser::{Browser, Button, Page, PageOptions};
+use insula_tests::compare::percentile;
+use insula_tests::programs::ServerProcess;
 use serde::Serialize;
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Measures the viewer in headless Chromium, against a server of this build
 #[derive(Debug, Parser)]

@@ -11,18 +11,17 @@ use glam::DVec3;
 use insula_client::session::Session;
 use insula_protocol::NODE_CELLS;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_tests::{
-    synth::Viewpoint,
-    viewer::{fetch_all, open},
-};
-use insula_viewer::{
-    camera::{Camera, FrustumPlane, View},
-    frame::RenderSettings,
-    scene::TreeNode,
-    select::cull::is_box_in_view,
-    streamer::FrameRequest,
-};
-use std::{collections::HashSet, hint::black_box, path::PathBuf, time::Duration, time::Instant};
+use insula_tests::synth::Viewpoint;
+use insula_tests::viewer::{fetch_all, open};
+use insula_viewer::camera::{Camera, FrustumPlane, View};
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::scene::TreeNode;
+use insula_viewer::select::cull::is_box_in_view;
+use insula_viewer::streamer::FrameRequest;
+use std::collections::HashSet;
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 const CACHE_MIB: u32 = 2048;

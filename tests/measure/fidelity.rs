@@ -4,17 +4,17 @@
 
 use anyhow::Result;
 use clap::Parser;
-use insula_tests::{
-    baked::Baked,
-    cameras::StationKind,
-    compare::{self, Colour, Score},
-    fidelity::{self, MeasureOptions, Size, Summary, View},
-    gpu::Gpu,
-    truth::Truth,
-    view::FrameSpec,
-};
+use insula_tests::baked::Baked;
+use insula_tests::cameras::StationKind;
+use insula_tests::compare::{self, Colour, Score};
+use insula_tests::fidelity::{self, MeasureOptions, Size, Summary, View};
+use insula_tests::gpu::Gpu;
+use insula_tests::truth::Truth;
+use insula_tests::view::FrameSpec;
 use serde::Serialize;
-use std::{fs, path::PathBuf, time::Instant};
+use std::fs;
+use std::path::PathBuf;
+use std::time::Instant;
 
 /// Bakes a city and compares twelve views of it with its ray-traced source.
 #[derive(Debug, Parser)]

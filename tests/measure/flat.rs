@@ -6,27 +6,19 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use insula_bake::Silent;
-use insula_shaders::{
-    cpu::raycast::{RayCounts, count, count_where},
-    gpu::{DeviceQueue, Raycaster},
-    layout::Shading,
-};
-use insula_tests::{
-    baked::Baked,
-    draw_list::{DrawList, Scene},
-    gpu::Gpu,
-    synth::{
-        City, Viewpoint,
-        mesh::{Mesh, Target},
-    },
-    view::FrameSpec,
-};
+use insula_shaders::cpu::raycast::{RayCounts, count, count_where};
+use insula_shaders::gpu::{DeviceQueue, Raycaster};
+use insula_shaders::layout::Shading;
+use insula_tests::baked::Baked;
+use insula_tests::draw_list::{DrawList, Scene};
+use insula_tests::gpu::Gpu;
+use insula_tests::synth::mesh::{Mesh, Target};
+use insula_tests::synth::{City, Viewpoint};
+use insula_tests::view::FrameSpec;
 use serde::Serialize;
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Draws the same views of cities of growing size
 #[derive(Debug, Parser)]

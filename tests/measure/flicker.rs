@@ -6,20 +6,15 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::{DQuat, DVec3};
-use insula_shaders::{
-    cpu::{
-        raycast::Pixels,
-        shade::{encode_srgb, linear_of},
-    },
-    layout::{MAX_SAMPLES, Shading},
-};
-use insula_tests::{
-    baked::Baked,
-    draw_list::DrawList,
-    view::{Camera, FrameSpec},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::cpu::shade::{encode_srgb, linear_of};
+use insula_shaders::layout::{MAX_SAMPLES, Shading};
+use insula_tests::baked::Baked;
+use insula_tests::draw_list::DrawList;
+use insula_tests::view::{Camera, FrameSpec};
 use serde::Serialize;
-use std::{fs, path::PathBuf};
+use std::fs;
+use std::path::PathBuf;
 
 /// Rays along a pixel's side in the supersampled frames.
 const TRUTH_RAYS: u32 = 8;

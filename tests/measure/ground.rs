@@ -7,19 +7,13 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use glam::DVec3;
-use insula_bake::{
-    read::{self, ReadOptions},
-    scene::ObjectKind,
-};
-use insula_protocol::{
-    BlockMap, TileId,
-    blockmap::{NodeGround, flag},
-};
+use insula_bake::read::{self, ReadOptions};
+use insula_bake::scene::ObjectKind;
+use insula_protocol::blockmap::{NodeGround, flag};
+use insula_protocol::{BlockMap, TileId};
 use insula_tests::baked::Baked;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Rounding of heights, in metres.
 const TOLERANCE_M: f64 = 0.25;

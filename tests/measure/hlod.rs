@@ -9,25 +9,20 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use insula_bake::columns::column_field::ColumnField;
-use insula_export::{leaves::visit_leaf_meshes, table::ExportError};
+use insula_export::leaves::visit_leaf_meshes;
+use insula_export::table::ExportError;
 use insula_protocol::{BlockMap, TileId, TileKind};
 use insula_server::store::{CityStore, StoredCity};
-use insula_simplify::{
-    model::{TriangleModel, quantise},
-    simplify::{Goal, simplify},
-    surface::Surface,
-};
-use insula_tests::{
-    baked::Baked,
-    compare::percentile,
-    fidelity,
-    node_error::{node_at, seen_points},
-    truth::Truth,
-};
-use std::{
-    collections::{BTreeMap, HashMap},
-    path::{Path, PathBuf},
-};
+use insula_simplify::model::{TriangleModel, quantise};
+use insula_simplify::simplify::{Goal, simplify};
+use insula_simplify::surface::Surface;
+use insula_tests::baked::Baked;
+use insula_tests::compare::percentile;
+use insula_tests::fidelity;
+use insula_tests::node_error::{node_at, seen_points};
+use insula_tests::truth::Truth;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
 
 /// Share of the points that lies within the stated error of columns.
 const SHARE: f64 = 0.999;

@@ -5,16 +5,15 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
-use insula_test_support::{programs::program, rng::Rng};
+use insula_test_support::programs::program;
+use insula_test_support::rng::Rng;
 use insula_tests::deep_city::DeepCityServer;
-use std::{
-    fs,
-    io::Read,
-    path::{Path, PathBuf},
-    process::{Command, Stdio},
-    sync::atomic::Ordering::Relaxed,
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
 
 /// Memory of a bake, and what its process may take besides.
 const BAKE_MEMORY_MIB: u64 = 256;

@@ -6,12 +6,10 @@
 use anyhow::{Context, Result, bail};
 use clap::Parser;
 use insula_bake::{BakeOptions, BakeStage, BakeSteps, Job, JobRequest, Silent, WorkFolder, WorkStore};
-use std::{
-    fs, io,
-    path::{Path, PathBuf},
-    process::Command,
-    time::{Duration, Instant},
-};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+use std::{fs, io};
 
 /// Measures the join of a bake in steps
 #[derive(Debug, Parser)]

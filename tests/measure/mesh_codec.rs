@@ -9,23 +9,17 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use insula_bake::read::{self, ReadOptions};
-use insula_protocol::{
-    codec::zstd,
-    mesh::{
-        Mesh,
-        half_edge::{HalfEdgeMesh, NONE, prev},
-    },
-};
+use insula_protocol::codec::zstd;
+use insula_protocol::mesh::Mesh;
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE, prev};
 use insula_simplify::model::{ModelFormat, TriangleModel, quantise};
 use insula_tests::leaves;
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BinaryHeap},
-    fmt::Write,
-    path::{Path, PathBuf},
-    process::Command,
-    time::Instant,
-};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
 
 /// Compares the mesh codec with others
 #[derive(Debug, Parser)]

@@ -8,13 +8,12 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use insula_simplify::{
-    model::{ModelFormat, TriangleModel},
-    simplify::{Goal, simplify},
-    surface::Surface,
-};
+use insula_simplify::model::{ModelFormat, TriangleModel};
+use insula_simplify::simplify::{Goal, simplify};
+use insula_simplify::surface::Surface;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
-use std::{path::PathBuf, time::Instant};
+use std::path::PathBuf;
+use std::time::Instant;
 
 /// Compares simplification with meshoptimizer's
 #[derive(Debug, Parser)]

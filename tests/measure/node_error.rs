@@ -4,12 +4,10 @@
 
 use anyhow::{Result, ensure};
 use clap::Parser;
-use insula_tests::{
-    baked::Baked,
-    fidelity,
-    node_error::{self, Distances},
-    truth::Truth,
-};
+use insula_tests::baked::Baked;
+use insula_tests::fidelity;
+use insula_tests::node_error::{self, Distances};
+use insula_tests::truth::Truth;
 use std::path::PathBuf;
 
 /// Share of the points that must lie within the stated error.

@@ -8,22 +8,20 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use glam::DVec3;
-use insula_client::{commands::headless::settle, objects::ObjectLookup};
+use insula_client::commands::headless::settle;
+use insula_client::objects::ObjectLookup;
 use insula_shaders::layout::Shading;
 use insula_test_support::rng::Rng;
-use insula_tests::{
-    cameras::{self, Station},
-    fidelity,
-    truth::Truth,
-    view::FrameSpec,
-    viewer::open,
-};
-use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use insula_tests::cameras::{self, Station};
+use insula_tests::fidelity;
+use insula_tests::truth::Truth;
+use insula_tests::view::FrameSpec;
+use insula_tests::viewer::open;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::streamer::FrameRequest;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Compares the objects of random pixels with those of the source
 #[derive(Debug, Parser)]

@@ -6,30 +6,25 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
-use insula_client::{
-    camera_files::read_camera, commands::headless::settle, image_files::write_png, render::Adapter, session::Session,
-};
-use insula_shaders::{
-    cpu::{
-        instruction_set::InstructionSet,
-        raycast::{Pixels, Sampling, SceneRef, count},
-        render::render_with,
-    },
-    layout::Shading,
-};
-use insula_tests::{baked::Baked, viewer::open_drawn};
-use insula_viewer::{
-    camera::Camera,
-    frame::{FrameData, MOVING_SAMPLES, STILL_SAMPLES},
-    streamer::FrameRequest,
-    sun::{Daylight, SunOptions},
-    switching::{SwitchDistances, SwitchVolume},
-};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    time::{Duration, Instant},
-};
+use insula_client::camera_files::read_camera;
+use insula_client::commands::headless::settle;
+use insula_client::image_files::write_png;
+use insula_client::render::Adapter;
+use insula_client::session::Session;
+use insula_shaders::cpu::instruction_set::InstructionSet;
+use insula_shaders::cpu::raycast::{Pixels, Sampling, SceneRef, count};
+use insula_shaders::cpu::render::render_with;
+use insula_shaders::layout::Shading;
+use insula_tests::baked::Baked;
+use insula_tests::viewer::open_drawn;
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::{FrameData, MOVING_SAMPLES, STILL_SAMPLES};
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::{Daylight, SunOptions};
+use insula_viewer::switching::{SwitchDistances, SwitchVolume};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Measures the CPU ray-caster
 #[derive(Debug, Parser)]

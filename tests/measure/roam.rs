@@ -7,7 +7,8 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use insula_roam::{Borders, HeightField, TILE_STEPS, TerrainMesh, triangulate, triangulate_region};
-use std::{fs, path::Path};
+use std::fs;
+use std::path::Path;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -6,11 +6,9 @@ use anyhow::Result;
 use clap::Parser;
 use insula_bake::Progress;
 use insula_tests::synth::City;
-use std::{
-    path::PathBuf,
-    sync::Mutex,
-    time::{Duration, Instant},
-};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 /// Generates a city with a number of buildings, the same in every run
 #[derive(Debug, Parser)]

@@ -6,7 +6,9 @@
 use anyhow::{Context, bail};
 use insula_protocol::route;
 use insula_server::store::CityStore;
-use std::{fs, io::Write, path::Path};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
 
 fn main() -> anyhow::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();

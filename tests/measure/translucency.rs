@@ -11,7 +11,8 @@ use glam::Vec3;
 use insula_shaders::stone::Stone;
 use insula_simplify::model::{ModelFormat, TriangleModel};
 use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
-use std::{path::Path, time::Instant};
+use std::path::Path;
+use std::time::Instant;
 
 const POINTS: usize = 150;
 const SAMPLES: usize = 1_000_000;

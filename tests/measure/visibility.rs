@@ -6,21 +6,15 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use insula_archive::BakedCity;
-use insula_protocol::{
-    BlockMap, NODE_CELLS, TileId, TileKind, VisibilityTile,
-    blockmap::flag,
-    visibility_tile::{LAYERS, block_of_leaf},
-};
+use insula_protocol::blockmap::flag;
+use insula_protocol::visibility_tile::{LAYERS, block_of_leaf};
+use insula_protocol::{BlockMap, NODE_CELLS, TileId, TileKind, VisibilityTile};
 use insula_shaders::layout::Shading;
-use insula_tests::{
-    draw_list::{CityArea, DrawList},
-    rng::Rng,
-    view::{Camera, FrameSpec},
-};
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::PathBuf,
-};
+use insula_tests::draw_list::{CityArea, DrawList};
+use insula_tests::rng::Rng;
+use insula_tests::view::{Camera, FrameSpec};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 /// Measures potentially visible sets
 #[derive(Debug, Parser)]

@@ -3,7 +3,8 @@
 use super::parse_switch;
 use crate::objects::parse_range;
 use clap::{ArgGroup, Args};
-use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
+use insula_command_line::area::AreaArgs;
+use insula_command_line::output::OverwriteArgs;
 use insula_shaders::look::Look;
 use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;

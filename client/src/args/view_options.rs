@@ -1,10 +1,8 @@
 //! Which city a command shows, and from where.
 
 use clap::Args;
-use std::{
-    ffi::{OsStr, OsString},
-    path::PathBuf,
-};
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
 
 /// Heading of eyes on streets without one: north.
 const NORTH: f64 = 0.0;

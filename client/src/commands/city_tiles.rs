@@ -1,13 +1,14 @@
 //! Tiles of a city one by one, for commands that read all of them.
 
-use crate::stream::{city::OpenedCity, fetch::Http, jitter::jitter};
+use crate::stream::city::OpenedCity;
+use crate::stream::fetch::Http;
+use crate::stream::jitter::jitter;
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_protocol::{TileId, TileKind};
-use insula_viewer::{
-    scene::{TileKey, tile::retry_delay},
-    source::FetchError,
-};
+use insula_viewer::scene::TileKey;
+use insula_viewer::scene::tile::retry_delay;
+use insula_viewer::source::FetchError;
 
 /// A tile of a city at an address is given up after so many failures.
 const MAX_ATTEMPTS: u8 = 5;

@@ -1,20 +1,15 @@
 //! Opens the city that the command line names.
 
-use crate::{
-    args::GlobalArgs,
-    error::Result,
-    stream::{
-        city::{OpenOptions, OpenedCity, open_city},
-        fetch::Http,
-        source::disk::open_user_cache,
-    },
-    ui::{connector::StartStatus, view_link::ViewLink},
-};
-use std::{
-    ffi::{OsStr, OsString},
-    sync::Arc,
-    time::Duration,
-};
+use crate::args::GlobalArgs;
+use crate::error::Result;
+use crate::stream::city::{OpenOptions, OpenedCity, open_city};
+use crate::stream::fetch::Http;
+use crate::stream::source::disk::open_user_cache;
+use crate::ui::connector::StartStatus;
+use crate::ui::view_link::ViewLink;
+use std::ffi::{OsStr, OsString};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Finds the place of a city, and may bake and serve it before. Called on a separate thread, again after a failure.
 pub(super) type FindPlace = Box<dyn Fn(&StartStatus) -> Result<OsString> + Send + Sync>;

@@ -1,28 +1,26 @@
 //! `insula demo`: a bundled city, in a window or as an image.
 
-use super::{
-    embedded::{BakeJob, CacheRoot, VERSIONS, bake_cached, serve},
-    headless::{PictureFile, open_session, render_to_file},
-    view,
-};
-use crate::{
-    args::{DemoArgs, DemoCity, GlobalArgs, ViewArgs},
-    error::{ClientError, Result},
-    image_files::picture_kind,
-};
-use insula_archive::{file::read_limited, new_file::replace};
+use super::embedded::{BakeJob, CacheRoot, VERSIONS, bake_cached, serve};
+use super::headless::{PictureFile, open_session, render_to_file};
+use super::view;
+use crate::args::{DemoArgs, DemoCity, GlobalArgs, ViewArgs};
+use crate::error::{ClientError, Result};
+use crate::image_files::picture_kind;
+use insula_archive::file::read_limited;
+use insula_archive::new_file::replace;
 use insula_bake::read::{FACADE_ALGORITHM, FacadeOption};
 use insula_command_line::output::Outputs;
-use insula_protocol::{manifest::Attribution, text::printable};
+use insula_protocol::manifest::Attribution;
+use insula_protocol::text::printable;
 use insula_shaders::layout::Shading;
-use insula_viewer::{camera::Camera, streamer::FrameRequest, sun::Daylight};
+use insula_viewer::camera::Camera;
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::Daylight;
 use serde::Deserialize;
-use std::{
-    collections::hash_map::DefaultHasher,
-    env, fs,
-    hash::{Hash, Hasher},
-    path::PathBuf,
-};
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::path::PathBuf;
+use std::{env, fs};
 
 /// Folders, names and contents of the bundled cities' files, from `build.rs`.
 const FILES: &[(&str, &str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/demo_files.rs"));

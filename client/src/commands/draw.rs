@@ -1,60 +1,41 @@
 //! `insula draw`: a city as vector shapes.
 
-use super::{
-    city_tiles::fetch_tile,
-    connect::connect,
-    embedded::{BakeJob, CacheRoot, bake_cached, cache_key},
-    open::{is_address, is_baked},
-};
-use crate::{
-    args::{DrawArgs, GlobalArgs},
-    camera_files::read_camera_file,
-    error::{ClientError, Result},
-    language,
-    objects::warn_of_range,
-    stream::fetch::Http,
-};
+use super::city_tiles::fetch_tile;
+use super::connect::connect;
+use super::embedded::{BakeJob, CacheRoot, bake_cached, cache_key};
+use super::open::{is_address, is_baked};
+use crate::args::{DrawArgs, GlobalArgs};
+use crate::camera_files::read_camera_file;
+use crate::error::{ClientError, Result};
+use crate::language;
+use crate::objects::warn_of_range;
+use crate::stream::fetch::Http;
 use insula_analysis::eye::lifted_camera;
 use insula_archive::file;
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
-use insula_command_line::{
-    camera::{degrees_fault, inside_note},
-    output::{FileKind, Outputs},
-};
-use insula_draw::{
-    DrawError, DrawLimits, DrawRequest, draw,
-    drawing::Drawing,
-    error::DrawStep,
-    file::{DrawingFormat, pdf_letters, write_drawing},
-    over_heights,
-    sheet::Paper,
-    style::Stylesheet,
-    view::DrawView,
-};
-use insula_export::{
-    camera::ExportCamera,
-    selection::{ObjectSelection, passing},
-    source::ExportSource,
-};
-use insula_objects::{
-    ColorBy,
-    filter::{Filter, NONE_PASSES},
-};
-use insula_protocol::{
-    Manifest,
-    text::{count, human_bytes, printable},
-};
+use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::output::{FileKind, Outputs};
+use insula_draw::drawing::Drawing;
+use insula_draw::error::DrawStep;
+use insula_draw::file::{DrawingFormat, pdf_letters, write_drawing};
+use insula_draw::sheet::Paper;
+use insula_draw::style::Stylesheet;
+use insula_draw::view::DrawView;
+use insula_draw::{DrawError, DrawLimits, DrawRequest, draw, over_heights};
+use insula_export::camera::ExportCamera;
+use insula_export::selection::{ObjectSelection, passing};
+use insula_export::source::ExportSource;
+use insula_objects::ColorBy;
+use insula_objects::filter::{Filter, NONE_PASSES};
+use insula_protocol::Manifest;
+use insula_protocol::text::{count, human_bytes, printable};
 use insula_server::store::{CityStore, ReadTileFn, StoredCity};
-use insula_viewer::{
-    camera::CameraFile,
-    source::WITHOUT_OBJECTS,
-    sun::{Daylight, SunOptions},
-};
-use std::{
-    io::IsTerminal,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex},
-};
+use insula_viewer::camera::CameraFile;
+use insula_viewer::source::WITHOUT_OBJECTS;
+use insula_viewer::sun::{Daylight, SunOptions};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 /// Larger stylesheets are refused.
 const MAX_TEXT_BYTES: u64 = 1 << 20;

@@ -1,34 +1,23 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
 use super::connect::FindPlace;
-use crate::{
-    error::{ClientError, Result},
-    ui::connector::StartStatus,
-};
-use insula_bake::{
-    BakeError, BakeOptions, GroundOption, Progress,
-    read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions, ReadOptions},
-    remove_damaged_city,
-    sample::SampleSettings,
-};
-use insula_protocol::{
-    manifest::{Attribution, to_name},
-    text::printable,
-};
-use insula_server::{
-    config::{CorsPolicy, ServeConfig},
-    http,
-    store::Store,
-};
-use std::{
-    collections::hash_map::DefaultHasher,
-    fs,
-    hash::{Hash, Hasher},
-    io::IsTerminal,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
-    time::{Duration, SystemTime},
-};
+use crate::error::{ClientError, Result};
+use crate::ui::connector::StartStatus;
+use insula_bake::read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions, ReadOptions};
+use insula_bake::sample::SampleSettings;
+use insula_bake::{BakeError, BakeOptions, GroundOption, Progress, remove_damaged_city};
+use insula_protocol::manifest::{Attribution, to_name};
+use insula_protocol::text::printable;
+use insula_server::config::{CorsPolicy, ServeConfig};
+use insula_server::http;
+use insula_server::store::Store;
+use std::collections::hash_map::DefaultHasher;
+use std::fs;
+use std::hash::{Hash, Hasher};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
 
 /// Most files and folders below an input folder.
 const MAX_INPUT_FILES: usize = 1 << 20;

@@ -1,28 +1,24 @@
 //! `insula fly`: replays a camera path in real time and reports measurements.
 
 use super::headless::{POLL_INTERVAL, open_session, settle};
-use crate::{
-    args::{FlyArgs, GlobalArgs},
-    camera_files::read_path,
-    error::{ClientError, Result},
-    report::{FlightReport, FlightSample, FrameDifference, RunReport, compare_frames},
-    session::Session,
-    stream::{fetch::Http, simulated_link::SimulatedLink},
-    ui::view_link::ViewLink,
-};
+use crate::args::{FlyArgs, GlobalArgs};
+use crate::camera_files::read_path;
+use crate::error::{ClientError, Result};
+use crate::report::{FlightReport, FlightSample, FrameDifference, RunReport, compare_frames};
+use crate::session::Session;
+use crate::stream::fetch::Http;
+use crate::stream::simulated_link::SimulatedLink;
+use crate::ui::view_link::ViewLink;
 use insula_command_line::output::Outputs;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{
-    camera::CameraPath,
-    frame::{MOVING_SAMPLES, RenderSettings},
-    interaction::frame_pacing::{FRAME_RATE, FramePacer, FrameTime},
-    streamer::FrameRequest,
-    sun::Daylight,
-};
-use std::{
-    path::Path,
-    time::{Duration, Instant},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_viewer::camera::CameraPath;
+use insula_viewer::frame::{MOVING_SAMPLES, RenderSettings};
+use insula_viewer::interaction::frame_pacing::{FRAME_RATE, FramePacer, FrameTime};
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::Daylight;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// How far ahead the camera's motion is prefetched, in seconds.
 const LOOKAHEAD_SECS: f64 = 0.5;

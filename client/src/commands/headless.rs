@@ -1,32 +1,29 @@
 //! Sessions without a window, for `snapshot`, `fly` and `demo`.
 
-use super::{connect::connect, proposal};
-use crate::{
-    args::GlobalArgs,
-    error::Result,
-    image_files::{PictureNotes, write_picture},
-    picture::{self, Settling},
-    render::Adapter,
-    session::Session,
-    stream::{BackgroundFetcher, fetch::Http},
-    ui::view_link::format_link,
-};
+use super::connect::connect;
+use super::proposal;
+use crate::args::GlobalArgs;
+use crate::error::Result;
+use crate::image_files::{PictureNotes, write_picture};
+use crate::picture::{self, Settling};
+use crate::render::Adapter;
+use crate::session::Session;
+use crate::stream::BackgroundFetcher;
+use crate::stream::fetch::Http;
+use crate::ui::view_link::format_link;
 use insula_objects::color::Legend;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{
-    cache::pages_for,
-    frame::STILL_SAMPLES,
-    scene::SceneTree,
-    streamer::{FrameRequest, TileCounts},
-    sun::Daylight,
-};
-use std::{
-    ffi::OsStr,
-    io::IsTerminal,
-    path::Path,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_viewer::cache::pages_for;
+use insula_viewer::frame::STILL_SAMPLES;
+use insula_viewer::scene::SceneTree;
+use insula_viewer::streamer::{FrameRequest, TileCounts};
+use insula_viewer::sun::Daylight;
+use std::ffi::OsStr;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Requests in flight at the start of a session.
 pub(super) const INITIAL_REQUESTS: usize = 12;

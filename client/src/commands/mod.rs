@@ -17,10 +17,8 @@ mod proposal;
 mod snapshot;
 mod view;
 
-use crate::{
-    args::{Cli, ClientCommand},
-    error::{ClientError, Result},
-};
+use crate::args::{Cli, ClientCommand};
+use crate::error::{ClientError, Result};
 
 /// Runs the command of a command line. Fails as the command does.
 pub fn run(cli: Cli) -> Result<()> {

@@ -1,14 +1,10 @@
 //! `insula open`: bakes, serves and views city files in one process.
 
-use super::{
-    embedded::{BakeJob, CacheRoot, cache_key},
-    view,
-};
-use crate::{
-    args::{GlobalArgs, OpenArgs, ViewArgs},
-    error::{ClientError, Result},
-    stream::location::CityLocation,
-};
+use super::embedded::{BakeJob, CacheRoot, cache_key};
+use super::view;
+use crate::args::{GlobalArgs, OpenArgs, ViewArgs};
+use crate::error::{ClientError, Result};
+use crate::stream::location::CityLocation;
 use insula_archive::city::read_manifest;
 use insula_bake::read::Palette;
 use std::path::Path;

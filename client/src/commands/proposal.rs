@@ -2,11 +2,10 @@
 
 #[cfg(feature = "embedded")]
 use super::city_tiles::fetch_tile;
-use crate::{
-    error::{ClientError, Result},
-    proposal::ShownProposal,
-    stream::{city::OpenedCity, fetch::Http},
-};
+use crate::error::{ClientError, Result};
+use crate::proposal::ShownProposal;
+use crate::stream::city::OpenedCity;
+use crate::stream::fetch::Http;
 #[cfg(feature = "embedded")]
 use insula_bake::read::EarthPlace;
 #[cfg(feature = "embedded")]

@@ -1,40 +1,33 @@
 //! `insula snapshot`: renders one view at full quality.
 
-use super::{
-    headless::{PictureFile, open_session, render_to_file, settle_with_progress},
-    proposal,
-};
-use crate::{
-    args::{GlobalArgs, SnapshotArgs},
-    error::{ClientError, Result},
-    image_files::{objects_kind, picture_kind, write_objects, write_pfm, write_radiance},
-    objects::ObjectLookup,
-    report::RunReport,
-    session::Session,
-    ui::view_link::ViewLink,
-    viewpoint::{camera_in, given_camera, lifted_out, stand_on_ground},
-};
+use super::headless::{PictureFile, open_session, render_to_file, settle_with_progress};
+use super::proposal;
+use crate::args::{GlobalArgs, SnapshotArgs};
+use crate::error::{ClientError, Result};
+use crate::image_files::{objects_kind, picture_kind, write_objects, write_pfm, write_radiance};
+use crate::objects::ObjectLookup;
+use crate::report::RunReport;
+use crate::session::Session;
+use crate::ui::view_link::ViewLink;
+use crate::viewpoint::{camera_in, given_camera, lifted_out, stand_on_ground};
 use glam::DVec3;
 use insula_archive::new_file::replace;
-use insula_command_line::{
-    camera::{degrees_fault, inside_note},
-    output::{FileKind, Outputs},
-};
+use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::output::{FileKind, Outputs};
 use insula_objects::filter::NONE_PASSES_IN_VIEW;
-use insula_protocol::{
-    blockmap::NO_OBJECT,
-    text::{count, human_bytes, printable},
-};
+use insula_protocol::blockmap::NO_OBJECT;
+use insula_protocol::text::{count, human_bytes, printable};
 use insula_shaders::layout::Shading;
-use insula_viewer::{camera::Camera, objects::ObjectDescription, streamer::FrameRequest, sun::Daylight};
+use insula_viewer::camera::Camera;
+use insula_viewer::objects::ObjectDescription;
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::Daylight;
 use serde::Serialize;
-use std::{
-    cmp::Reverse,
-    collections::BTreeMap,
-    f64::consts::FRAC_PI_2,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {

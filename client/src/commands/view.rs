@@ -1,41 +1,33 @@
 //! `insula view`: a city in a window.
 
+use super::connect::{FindPlace, connect};
 #[cfg(feature = "embedded")]
 use super::embedded::{BakeJob, CacheRoot, find_baked};
-use super::{
-    connect::{FindPlace, connect},
-    headless::{INITIAL_REQUESTS, settle},
-    proposal,
-};
-use crate::{
-    args::{GlobalArgs, ViewArgs},
-    camera_files::{read_camera, read_path},
-    error::{ClientError, Result},
-    render::OpenedAdapter,
-    session::Session,
-    stream::{BackgroundFetcher, Wake, city::OpenedCity, fetch::Http},
-    ui::{
-        city_chooser::CityPreview,
-        connector::{ConnectFn, ConnectFns, ConnectedCity, PreviewFn, StartStatus, ViewerEvent},
-        event_loop::{self, WindowOptions},
-        path_playback::PathPlayback,
-        view_link::ViewLink,
-    },
-};
+use super::headless::{INITIAL_REQUESTS, settle};
+use super::proposal;
+use crate::args::{GlobalArgs, ViewArgs};
+use crate::camera_files::{read_camera, read_path};
+use crate::error::{ClientError, Result};
+use crate::render::OpenedAdapter;
+use crate::session::Session;
+use crate::stream::city::OpenedCity;
+use crate::stream::fetch::Http;
+use crate::stream::{BackgroundFetcher, Wake};
+use crate::ui::city_chooser::CityPreview;
+use crate::ui::connector::{ConnectFn, ConnectFns, ConnectedCity, PreviewFn, StartStatus, ViewerEvent};
+use crate::ui::event_loop::{self, WindowOptions};
+use crate::ui::path_playback::PathPlayback;
+use crate::ui::view_link::ViewLink;
 use insula_shaders::layout::Shading;
 use insula_shaders::look::Look;
-use insula_viewer::{
-    cache::pages_for,
-    camera::Camera,
-    interaction::frame_pacing::FRAME_RATE,
-    scene::SceneTree,
-    streamer::FrameRequest,
-    sun::{Daylight, SunOptions, SunTime},
-};
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use insula_viewer::cache::pages_for;
+use insula_viewer::camera::Camera;
+use insula_viewer::interaction::frame_pacing::FRAME_RATE;
+use insula_viewer::scene::SceneTree;
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::{Daylight, SunOptions, SunTime};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Longest attempt to connect, in seconds. The window shows the error and tries again.
 const ATTEMPT_SECS: u32 = 3;

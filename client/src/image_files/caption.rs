@@ -4,16 +4,13 @@
 //! pixels do not depend on the machine. They have Latin, Greek and Cyrillic letters: other letters are left out, and the source's
 //! address is added if there is one. The file's notes keep the full text.
 
-use egui::{
-    Color32, FontDefinitions, FontFamily, FontId,
-    epaint::{
-        Galley,
-        text::{Fonts, LayoutJob, TextOptions, TextWrapping},
-    },
-};
+use egui::epaint::Galley;
+use egui::epaint::text::{Fonts, LayoutJob, TextOptions, TextWrapping};
+use egui::{Color32, FontDefinitions, FontFamily, FontId};
 use image::{Rgb, RgbImage};
 use insula_protocol::manifest::Attribution;
-use std::{ops::Range, sync::Arc};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Smallest picture with a caption, in pixels.
 const MIN_PICTURE_PX: [u32; 2] = [320, 180];

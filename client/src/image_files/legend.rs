@@ -1,13 +1,9 @@
 //! The legend of colours in the upper left corner of a picture.
 
 use super::caption::{darken, font, padding, paint_glyphs};
-use egui::{
-    Color32, FontDefinitions,
-    epaint::{
-        Galley,
-        text::{Fonts, LayoutJob, TextOptions, TextWrapping},
-    },
-};
+use egui::epaint::Galley;
+use egui::epaint::text::{Fonts, LayoutJob, TextOptions, TextWrapping};
+use egui::{Color32, FontDefinitions};
 use image::{Rgb, RgbImage};
 use insula_objects::color::{Legend, Ramp};
 use insula_protocol::text::at_most;

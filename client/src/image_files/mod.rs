@@ -5,15 +5,16 @@ mod legend;
 mod picture_format;
 mod picture_notes;
 
-pub use picture_format::{PictureFormat, parse_picture_path};
-pub use picture_notes::PictureNotes;
-
 use crate::error::{ClientError, Result};
 use image::{ImageFormat, RgbImage, RgbaImage};
 use insula_archive::new_file::replace;
 use insula_command_line::output::FileKind;
-use insula_shaders::{cpu::raycast::Pixels, tone::decode_radiance};
-use std::{io::Cursor, path::Path};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::tone::decode_radiance;
+pub use picture_format::{PictureFormat, parse_picture_path};
+pub use picture_notes::PictureNotes;
+use std::io::Cursor;
+use std::path::Path;
 
 /// Writes the colours as PNG without a caption or notes, whatever the extension of `path`. For measurements. Fails if the file
 /// cannot be written.

@@ -1,10 +1,9 @@
 //! The formats of pictures, chosen by the extension of the file's name.
 
 use super::picture_notes::PictureNotes;
-use image::{
-    ExtendedColorType, ImageEncoder, RgbImage,
-    codecs::{jpeg::JpegEncoder, webp::WebPEncoder},
-};
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::webp::WebPEncoder;
+use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use std::path::{Path, PathBuf};
 
 /// Quality of JPEG files, of 100.

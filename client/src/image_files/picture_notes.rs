@@ -1,7 +1,9 @@
 //! What a saved picture says about itself: title, sources, licences, link to its view.
 
 use insula_objects::color::Legend;
-use insula_protocol::{Manifest, manifest::Attribution, text::printable};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::text::printable;
 
 /// Notes in a picture's file. They come from a manifest, so they are made printable.
 #[derive(Debug, Clone, Default, PartialEq)]

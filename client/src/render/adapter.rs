@@ -1,22 +1,16 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
-use super::{
-    remembered::{RememberedTrials, trial_key},
-    trial::DriverTrial,
-};
+use super::remembered::{RememberedTrials, trial_key};
+use super::trial::DriverTrial;
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
-use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts},
-    gpu::GpuError,
-    layout::SUMMARY_WORDS,
-};
-use insula_viewer::{
-    cache::{Upload, pages_for},
-    frame::FrameData,
-    render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice},
-    select::occlusion_feedback::OcclusionQuery,
-};
+use insula_shaders::cpu::raycast::{Pixels, RayCounts};
+use insula_shaders::gpu::GpuError;
+use insula_shaders::layout::SUMMARY_WORDS;
+use insula_viewer::cache::{Upload, pages_for};
+use insula_viewer::frame::FrameData;
+use insula_viewer::render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice};
+use insula_viewer::select::occlusion_feedback::OcclusionQuery;
 
 /// Reason of an adapter that `--adapter` or the environment names.
 const ASKED_FOR: &str = "asked for";

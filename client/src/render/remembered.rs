@@ -3,10 +3,12 @@
 //! A trial is kept under the driver, the machine's cores and vector instructions, and this program's version. Whatever fails here costs
 //! another trial.
 
-use super::{GpuDevice, trial::DriverTrial};
+use super::GpuDevice;
+use super::trial::DriverTrial;
 use insula_archive::disk_cache::DiskCache;
 use insula_shaders::cpu::instruction_set::InstructionSet;
-use std::{path::Path, time::Duration};
+use std::path::Path;
+use std::time::Duration;
 
 /// Size of all remembered trials.
 const MAX_BYTES: u64 = 1 << 14;

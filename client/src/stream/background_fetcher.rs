@@ -3,17 +3,19 @@
 //! Requests run on tokio's threads, decoding on its blocking threads. The frame loop only starts, cancels and polls. Everything
 //! is bounded: requests in flight by [`Downloads`], decoders and waiting outcomes by [`BackgroundFetcher`].
 
-use super::{fetch::Http, jitter::jitter, notifier::Notifier};
+use super::fetch::Http;
+use super::jitter::jitter;
+use super::notifier::Notifier;
 use bytes::Bytes;
 use insula_protocol::TileGroup;
-use insula_viewer::{
-    decode::{DecodedTile, decode},
-    scene::TileKey,
-    source::FetchError,
-    source::{TileSource, group_request::GroupRequest},
-    streamer::{Downloads, FetchOutcome, TileFetcher},
-};
-use std::{collections::HashMap, sync::Arc, time::Instant};
+use insula_viewer::decode::{DecodedTile, decode};
+use insula_viewer::scene::TileKey;
+use insula_viewer::source::group_request::GroupRequest;
+use insula_viewer::source::{FetchError, TileSource};
+use insula_viewer::streamer::{Downloads, FetchOutcome, TileFetcher};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
 use tokio::sync::{Semaphore, mpsc};
 
 /// Outcomes that may wait for the frame loop.

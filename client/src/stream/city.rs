@@ -1,33 +1,24 @@
 //! Opens a city: reads its manifest and finds the source of its tiles.
 
-use super::{
-    fetch::Http,
-    jitter::jitter,
-    location::{CityLocation, page_of},
-    source::{disk::CachedCity, folder},
-};
+use super::fetch::Http;
+use super::jitter::jitter;
+use super::location::{CityLocation, page_of};
+use super::source::disk::CachedCity;
+use super::source::folder;
 use crate::error::{ClientError, ListedCity, Result};
 use bytes::Bytes;
-use insula_archive::{
-    city::{MANIFEST_FILE, parse_manifest, read_manifest},
-    disk_cache::DiskCache,
-};
-use insula_protocol::{
-    Manifest,
-    manifest::is_name,
-    route::{self, CITIES, without_secrets},
-    text::printable,
-};
-use insula_viewer::{
-    scene::tile::retry_delay,
-    source::FetchError,
-    source::{TileSource, Transport, server::ServerSource, web_folder},
-};
-use std::{
-    path::Path,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use insula_archive::city::{MANIFEST_FILE, parse_manifest, read_manifest};
+use insula_archive::disk_cache::DiskCache;
+use insula_protocol::Manifest;
+use insula_protocol::manifest::is_name;
+use insula_protocol::route::{self, CITIES, without_secrets};
+use insula_protocol::text::printable;
+use insula_viewer::scene::tile::retry_delay;
+use insula_viewer::source::server::ServerSource;
+use insula_viewer::source::{FetchError, TileSource, Transport, web_folder};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Size of the largest manifest or list of cities.
 const MAX_MANIFEST_BYTES: usize = 4 << 20;

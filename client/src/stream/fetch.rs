@@ -4,21 +4,17 @@ use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
 use insula_command_line::http::{self, Elsewhere, Redirects};
-use insula_protocol::{DecodeError, route::without_secrets};
-use insula_viewer::{
-    source::FetchError,
-    source::{BoxFuture, ContentRange, RangeResponse, Transport},
+use insula_protocol::DecodeError;
+use insula_protocol::route::without_secrets;
+use insula_viewer::source::{BoxFuture, ContentRange, FetchError, RangeResponse, Transport};
+use reqwest::StatusCode;
+use reqwest::header::{
+    ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER,
 };
-use reqwest::{
-    StatusCode,
-    header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER},
-};
-use std::{
-    future::Future,
-    ops::Range,
-    sync::atomic::{AtomicU64, Ordering},
-    time::Duration,
-};
+use std::future::Future;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 use tokio::time::{Instant, timeout_at};
 
 /// A response body may take one second longer for this many bytes received.
@@ -256,10 +252,8 @@ fn busy_error(response: &reqwest::Response) -> FetchError {
 mod tests {
     use super::*;
     use insula_viewer::scene::tile::retry_delay;
-    use std::{
-        io::{Read, Write},
-        net::TcpListener,
-    };
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
 
     /// Sends the next of `responses` on each connection.
     fn serve(responses: Vec<String>) -> String {

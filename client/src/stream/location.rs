@@ -2,15 +2,11 @@
 
 use crate::error::{ClientError, Result};
 use insula_archive::city::{MANIFEST_FILE, first_city_in};
-use insula_protocol::{
-    manifest::is_name,
-    route::{self, CITIES, without_secrets},
-};
-use std::{
-    ffi::OsStr,
-    fmt,
-    path::{Path, PathBuf},
-};
+use insula_protocol::manifest::is_name;
+use insula_protocol::route::{self, CITIES, without_secrets};
+use std::ffi::OsStr;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
 /// Where a city, or a server with cities, is.
 #[derive(Debug, Clone, PartialEq, Eq)]

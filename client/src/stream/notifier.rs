@@ -1,9 +1,7 @@
 //! Wakes the thread that waits for arrivals.
 
-use std::{
-    sync::{Condvar, Mutex, PoisonError},
-    time::Duration,
-};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::Duration;
 
 /// A flag that one thread waits for. A notification without a waiting thread ends the next wait.
 #[derive(Debug, Default)]
@@ -30,7 +28,8 @@ impl Notifier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{sync::Arc, time::Instant};
+    use std::sync::Arc;
+    use std::time::Instant;
 
     #[test]
     fn a_notification_ends_one_wait_even_if_it_comes_first() {

@@ -2,10 +2,8 @@
 
 use super::jitter::jitter;
 use std::time::Duration;
-use tokio::{
-    sync::Mutex,
-    time::{Instant, sleep, sleep_until},
-};
+use tokio::sync::Mutex;
+use tokio::time::{Instant, sleep, sleep_until};
 
 /// A link with limited bandwidth, shared by all requests.
 #[derive(Debug)]

@@ -1,12 +1,18 @@
 //! Actions of keys, panels and clicks on the viewed city.
 
-use super::{
-    bookmarks::ViewAction, city_view::CityView, key_bindings::KeyAction, overlay::has_room,
-    path_recording::PathRecorder, settings::UserSettings, view_link::format_link, window::ViewerWindow,
-};
-use crate::{camera_files::write_new, proposal::ShownProposal};
+use super::bookmarks::ViewAction;
+use super::city_view::CityView;
+use super::key_bindings::KeyAction;
+use super::overlay::has_room;
+use super::path_recording::PathRecorder;
+use super::settings::UserSettings;
+use super::view_link::format_link;
+use super::window::ViewerWindow;
+use crate::camera_files::write_new;
+use crate::proposal::ShownProposal;
 use glam::DVec3;
-use insula_viewer::{camera::CameraFile, camera_text};
+use insula_viewer::camera::CameraFile;
+use insula_viewer::camera_text;
 use serde::Serialize;
 use std::time::Instant;
 

@@ -4,7 +4,9 @@ use super::settings::Bookmark;
 use egui::{Color32, Key, RichText, TextEdit, Ui};
 use glam::DVec3;
 use insula_protocol::Manifest;
-use insula_viewer::{camera::Camera, camera_text, earth::grid_position};
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use insula_viewer::earth::grid_position;
 
 /// Coordinates must lie within this multiple of the city's diagonal around its centre.
 const MAX_DIAGONALS: f64 = 3.0;

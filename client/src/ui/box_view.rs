@@ -1,6 +1,7 @@
 //! Draws the boxes of nodes over the frame.
 
-use super::{outlined, projection::on_screen};
+use super::outlined;
+use super::projection::on_screen;
 use crate::session::Session;
 use egui::{Color32, Context, LayerId};
 use insula_shaders::layout::Shading;

@@ -1,6 +1,7 @@
 //! A choice of the cities of a server: name, extent, size, attribution and a picture of each.
 
-use super::{overlay::panel, window_surface::color_image};
+use super::overlay::panel;
+use super::window_surface::color_image;
 use crate::error::ListedCity;
 use egui::{Align2, Color32, Context, RichText, ScrollArea, TextureHandle, TextureOptions, Ui};
 use insula_protocol::text::printable;

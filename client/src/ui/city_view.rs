@@ -1,34 +1,33 @@
 //! State of the viewed city: session, camera, tools and display options.
 
-use super::{
-    bookmarks::BookmarkPanel,
-    object_panel::ObjectPanel,
-    object_source::SharedLookup,
-    overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
-    path_playback::PathPlayback,
-    path_recording::PathRecorder,
-    picture_job::{OpenAgainFn, PictureJob},
-    picture_size::PictureSize,
-    pointer_readout::PointerReadout,
-    search_panel::SearchPanel,
-    settings::UserSettings,
-    stone_panel::StonePanel,
-    style_panel::StylePanel,
-    window::ViewerWindow,
-};
-use crate::{render::Adapter, session::Session};
+use super::bookmarks::BookmarkPanel;
+use super::object_panel::ObjectPanel;
+use super::object_source::SharedLookup;
+use super::overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage};
+use super::path_playback::PathPlayback;
+use super::path_recording::PathRecorder;
+use super::picture_job::{OpenAgainFn, PictureJob};
+use super::picture_size::PictureSize;
+use super::pointer_readout::PointerReadout;
+use super::search_panel::SearchPanel;
+use super::settings::UserSettings;
+use super::stone_panel::StonePanel;
+use super::style_panel::StylePanel;
+use super::window::ViewerWindow;
+use crate::render::Adapter;
+use crate::session::Session;
 use insula_protocol::text::printable;
-use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
-use insula_viewer::{
-    camera::Camera,
-    frame::RenderSettings,
-    interaction::{
-        camera_control::CameraControl, day_animation::DayAnimation, frame_pacing::FramePacer, measure::MeasureTool,
-    },
-    streamer::FrameRequest,
-    sun::Daylight,
-    switching::SwitchDistances,
-};
+use insula_shaders::cpu::raycast::RayCounts;
+use insula_shaders::layout::Shading;
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::interaction::camera_control::CameraControl;
+use insula_viewer::interaction::day_animation::DayAnimation;
+use insula_viewer::interaction::frame_pacing::FramePacer;
+use insula_viewer::interaction::measure::MeasureTool;
+use insula_viewer::streamer::FrameRequest;
+use insula_viewer::sun::Daylight;
+use insula_viewer::switching::SwitchDistances;
 use std::time::Instant;
 
 /// Initial state of a [`CityView`].

@@ -1,19 +1,14 @@
 //! Connects to a city on a separate thread, again while the server does not respond.
 
 use super::city_chooser::CityPreview;
-use crate::{
-    error::{ClientError, ListedCity, Result},
-    render::OpenedAdapter,
-    session::Session,
-};
-use insula_protocol::{Manifest, text::printable};
-use std::{
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use crate::error::{ClientError, ListedCity, Result};
+use crate::render::OpenedAdapter;
+use crate::session::Session;
+use insula_protocol::Manifest;
+use insula_protocol::text::printable;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use winit::event_loop::EventLoopProxy;
 
 /// Pause between two attempts to connect.

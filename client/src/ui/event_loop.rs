@@ -3,43 +3,33 @@
 //! The window opens at once. While there is no city, it shows the reason, tries to connect again, or offers the cities of the
 //! server. Frames are drawn only when something changes; otherwise the loop sleeps.
 
-use super::{
-    city_chooser::CityChooser,
-    city_view::{CityView, CityViewSetup},
-    connector::{ConnectFns, ConnectedCity, Connector, MAX_PREVIEWS, StartStatus, ViewerEvent},
-    key_bindings::{self, KeyAction},
-    overlay::{self, StartNotice},
-    path_playback::PathPlayback,
-    settings::{UserSettings, is_window_size},
-    touchpad::{GestureMotion, motion_of},
-    viewport::Viewport,
-    window::ViewerWindow,
-};
-use crate::{
-    error::{ClientError, Result},
-    render::AdapterChoice,
-};
+use super::city_chooser::CityChooser;
+use super::city_view::{CityView, CityViewSetup};
+use super::connector::{ConnectFns, ConnectedCity, Connector, MAX_PREVIEWS, StartStatus, ViewerEvent};
+use super::key_bindings::{self, KeyAction};
+use super::overlay::{self, StartNotice};
+use super::path_playback::PathPlayback;
+use super::settings::{UserSettings, is_window_size};
+use super::touchpad::{GestureMotion, motion_of};
+use super::viewport::Viewport;
+use super::window::ViewerWindow;
+use crate::error::{ClientError, Result};
+use crate::render::AdapterChoice;
 use insula_protocol::text::printable;
-use insula_viewer::{
-    camera::Camera,
-    interaction::camera_control::MoveDirection,
-    sun::{Daylight, SunOptions, parse_time},
-    switching::SwitchDistances,
-};
-use std::{
-    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
-    path::PathBuf,
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use winit::{
-    application::ApplicationHandler,
-    dpi::PhysicalPosition,
-    event::{ElementState, KeyEvent, MouseButton, StartCause, WindowEvent},
-    event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
-    keyboard::PhysicalKey,
-    window::WindowId,
-};
+use insula_viewer::camera::Camera;
+use insula_viewer::interaction::camera_control::MoveDirection;
+use insula_viewer::sun::{Daylight, SunOptions, parse_time};
+use insula_viewer::switching::SwitchDistances;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalPosition;
+use winit::event::{ElementState, KeyEvent, MouseButton, StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::keyboard::PhysicalKey;
+use winit::window::WindowId;
 
 /// Two clicks within this time are a double click.
 const DOUBLE_CLICK: Duration = Duration::from_millis(400);

@@ -1,10 +1,7 @@
 //! The panel that is always there: compass, scale bar, coordinates, and what is being loaded.
 
-use super::{
-    compass,
-    overlay::{has_room, panel},
-    scale_bar,
-};
+use super::overlay::{has_room, panel};
+use super::{compass, scale_bar};
 use egui::{Align2, Context, Label, RichText};
 
 /// Width of the texts, in points: that of coordinates in metres.

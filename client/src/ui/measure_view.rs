@@ -1,18 +1,12 @@
 //! Draws the measured figure over the frame, and the panel of the tool.
 
-use super::{
-    outlined,
-    overlay::panel,
-    projection::{project, project_line},
-};
+use super::outlined;
+use super::overlay::panel;
+use super::projection::{project, project_line};
 use egui::{Align2, Color32, Context, Label, Painter, Pos2, Rect, Stroke, Ui, vec2};
-use insula_viewer::{
-    camera::View,
-    interaction::{
-        measure::{MeasureKind, MeasureTool},
-        units::length_text,
-    },
-};
+use insula_viewer::camera::View;
+use insula_viewer::interaction::measure::{MeasureKind, MeasureTool};
+use insula_viewer::interaction::units::length_text;
 
 const COLOUR: Color32 = Color32::from_rgb(255, 214, 90);
 /// Lines that are shorter than this on the screen have no text.

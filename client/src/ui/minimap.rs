@@ -3,7 +3,8 @@
 use crate::session::Session;
 use egui::{Color32, Pos2, Rect, Sense, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
-use insula_viewer::{camera::Camera, scene::SceneTree};
+use insula_viewer::camera::Camera;
+use insula_viewer::scene::SceneTree;
 
 /// Largest side of the map, in points, and as a share of the window's smaller side.
 const MAX_SIDE: f32 = 190.0;

@@ -1,12 +1,11 @@
 //! The selected objects: which they are, and a panel of what is known of them.
 
-use super::{
-    bookmarks::ViewAction,
-    object_source::{ObjectWorker, SharedLookup},
-};
+use super::bookmarks::ViewAction;
+use super::object_source::{ObjectWorker, SharedLookup};
 use crate::language;
 use egui::{Color32, RichText, Ui};
-use insula_objects::{FeatureKind, schema::ShownValue};
+use insula_objects::FeatureKind;
+use insula_objects::schema::ShownValue;
 use insula_protocol::text::printable;
 use insula_viewer::objects::ObjectDescription;
 use std::collections::BTreeSet;

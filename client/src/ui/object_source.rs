@@ -1,6 +1,7 @@
 //! The reader of a city's objects, which the panels share, and threads that work with it.
 
-use crate::{error::Result, objects::ObjectLookup};
+use crate::error::Result;
+use crate::objects::ObjectLookup;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 /// Opens the reader of a city's objects.

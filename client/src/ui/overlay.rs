@@ -1,24 +1,23 @@
 //! Panels over the frame: sliders, counters, help, messages, attribution.
 
-use super::{bookmarks::ViewAction, key_bindings::HELP, picture_size::PictureSize, process_memory::resident_bytes};
+use super::bookmarks::ViewAction;
+use super::key_bindings::HELP;
+use super::picture_size::PictureSize;
+use super::process_memory::resident_bytes;
 use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_protocol::text::printable;
-use insula_shaders::{cpu::raycast::RayCounts, layout::Shading, look::Look};
-use insula_viewer::{
-    interaction::{
-        camera_control::{CameraControl, ControlMode},
-        day_animation::{DAY_SECS, DayAnimation},
-        frame_pacing::FramePacer,
-    },
-    sun::Daylight,
-    translucency::Translucency,
-};
-use std::{
-    ops::RangeInclusive,
-    time::{Duration, Instant},
-};
+use insula_shaders::cpu::raycast::RayCounts;
+use insula_shaders::layout::Shading;
+use insula_shaders::look::Look;
+use insula_viewer::interaction::camera_control::{CameraControl, ControlMode};
+use insula_viewer::interaction::day_animation::{DAY_SECS, DayAnimation};
+use insula_viewer::interaction::frame_pacing::FramePacer;
+use insula_viewer::sun::Daylight;
+use insula_viewer::translucency::Translucency;
+use std::ops::RangeInclusive;
+use std::time::{Duration, Instant};
 
 /// How long a message is options.
 pub const MESSAGE_TIME: Duration = Duration::from_secs(5);

@@ -1,10 +1,15 @@
 //! What lies under a position of the window: for the measuring tool and for the readout of coordinates.
 
-use super::{city_view::CityView, window::ViewerWindow};
+use super::city_view::CityView;
+use super::window::ViewerWindow;
 use crate::render::Adapter;
 use glam::DVec3;
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{frame::RenderSettings, objects::ObjectStyles, projection::ray_direction, streamer::FrameRequest};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::objects::ObjectStyles;
+use insula_viewer::projection::ray_direction;
+use insula_viewer::streamer::FrameRequest;
 use std::time::Instant;
 
 /// An object that was searched for is approached if it is farther away than this.

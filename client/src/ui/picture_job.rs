@@ -1,23 +1,20 @@
 //! Draws a picture on a thread of its own, with a session of its own: the window goes on meanwhile.
 
-use crate::{
-    error::{ClientError, Result},
-    image_files::{PictureNotes, write_picture},
-    picture::{Settling, draw_in_strips, settle},
-    render::{Adapter, AdapterChoice, OpenedAdapter},
-    session::Session,
-};
+use crate::error::{ClientError, Result};
+use crate::image_files::{PictureNotes, write_picture};
+use crate::picture::{Settling, draw_in_strips, settle};
+use crate::render::{Adapter, AdapterChoice, OpenedAdapter};
+use crate::session::Session;
 use insula_command_line::output::unused_file;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_viewer::{cache::pages_for, frame::RenderSettings, objects::ObjectStyles, streamer::FrameRequest};
-use std::{
-    path::PathBuf,
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, AtomicU32, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use insula_viewer::cache::pages_for;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::objects::ObjectStyles;
+use insula_viewer::streamer::FrameRequest;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Largest cache of a picture's session.
 const MAX_CACHE_BYTES: u64 = 512 << 20;

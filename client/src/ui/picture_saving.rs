@@ -1,16 +1,16 @@
 //! Saves pictures of the view.
 
-use super::{
-    city_view::CityView,
-    picture_job::{self, PictureJob, PictureOrder},
-    view_link::format_link,
-    window::ViewerWindow,
-};
-use crate::{error::Result, image_files::PictureNotes, picture::draw_whole, proposal::ShownProposal, render::Adapter};
-use insula_viewer::{
-    frame::{RenderSettings, STILL_SAMPLES},
-    streamer::FrameRequest,
-};
+use super::city_view::CityView;
+use super::picture_job::{self, PictureJob, PictureOrder};
+use super::view_link::format_link;
+use super::window::ViewerWindow;
+use crate::error::Result;
+use crate::image_files::PictureNotes;
+use crate::picture::draw_whole;
+use crate::proposal::ShownProposal;
+use crate::render::Adapter;
+use insula_viewer::frame::{RenderSettings, STILL_SAMPLES};
+use insula_viewer::streamer::FrameRequest;
 use std::path::PathBuf;
 
 impl CityView {

@@ -2,7 +2,8 @@
 
 use egui::{Pos2, Rect, pos2};
 use glam::{DVec2, DVec3};
-use insula_viewer::{camera::View, projection};
+use insula_viewer::camera::View;
+use insula_viewer::projection;
 
 /// Position of a point on the screen; `None` behind the camera.
 pub fn project(view: &View, point: DVec3, screen: Rect) -> Option<Pos2> {

@@ -1,6 +1,7 @@
 //! The switch between the city as it is and with a proposal.
 
-use super::{bookmarks::ViewAction, overlay::panel};
+use super::bookmarks::ViewAction;
+use super::overlay::panel;
 use crate::session::Session;
 use egui::{Align2, Color32, Context, RichText};
 use insula_protocol::text::printable;

@@ -1,15 +1,14 @@
 //! Settings that outlast a run, in the user's configuration folder: the window, the light, bookmarks.
 
 use crate::error::ClientError;
-use insula_archive::{file::read_text, new_file::replace};
+use insula_archive::file::read_text;
+use insula_archive::new_file::replace;
 use insula_viewer::camera::CameraFile;
 use serde::{Deserialize, Serialize};
-use std::{
-    collections::BTreeMap,
-    fs,
-    ops::RangeInclusive,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::fs;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 /// Size of the largest accepted file.
 const MAX_BYTES: u64 = 4 << 20;

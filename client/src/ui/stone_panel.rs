@@ -5,10 +5,8 @@
 
 use egui::{Color32, RichText, Ui};
 use glam::Vec3;
-use insula_shaders::{
-    cpu::shade::encode_srgb,
-    stone::{MAX_OCTAVES, PRESETS, Stone, StoneParameters},
-};
+use insula_shaders::cpu::shade::encode_srgb;
+use insula_shaders::stone::{MAX_OCTAVES, PRESETS, Stone, StoneParameters};
 use std::ops::RangeInclusive;
 
 /// The stones of a city, as the user has changed them.

@@ -5,11 +5,9 @@
 use super::object_source::{ObjectWorker, SharedLookup};
 use crate::language;
 use egui::{Color32, RichText, Sense, Ui, vec2};
-use insula_objects::{
-    Schema,
-    color::{ColorBy, Legend, Ramp},
-    filter::NONE_PASSES_IN_VIEW,
-};
+use insula_objects::Schema;
+use insula_objects::color::{ColorBy, Legend, Ramp};
+use insula_objects::filter::NONE_PASSES_IN_VIEW;
 use insula_protocol::text::{count, printable};
 use insula_viewer::objects::{FilteredOut, ObjectStyles, StyleRules, StyledObjects};
 

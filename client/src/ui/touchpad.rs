@@ -58,10 +58,8 @@ fn magnification(delta: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use winit::{
-        dpi::PhysicalPosition,
-        event::{DeviceId, TouchPhase},
-    };
+    use winit::dpi::PhysicalPosition;
+    use winit::event::{DeviceId, TouchPhase};
 
     fn wheel(delta: MouseScrollDelta) -> WindowEvent {
         WindowEvent::MouseWheel { device_id: DeviceId::dummy(), delta, phase: TouchPhase::Moved }

@@ -2,17 +2,14 @@
 //!
 //! A link may come from anybody, so it is checked strictly.
 
-use crate::{
-    error::{ClientError, Result},
-    stream::location::CityLocation,
-};
+use crate::error::{ClientError, Result};
+use crate::stream::location::CityLocation;
 use insula_shaders::look::Look;
-use insula_viewer::{
-    camera::Camera,
-    camera_text,
-    sun::{Daylight, SunTime, parse_time},
-};
-use std::{borrow::Cow, ffi::OsStr};
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use insula_viewer::sun::{Daylight, SunTime, parse_time};
+use std::borrow::Cow;
+use std::ffi::OsStr;
 
 /// Prefix of view links. Any other text is a plain city location.
 const SCHEME: &str = "insula://";

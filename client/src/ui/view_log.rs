@@ -1,7 +1,10 @@
 //! What the window reports of its frames and panels in the log. Tests and measurements wait for these lines.
 
-use super::{city_view::CityView, minimap, overlay::has_room};
-use insula_viewer::{camera::Camera, camera_text};
+use super::city_view::CityView;
+use super::minimap;
+use super::overlay::has_room;
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
 use std::time::Duration;
 
 /// The reports of a viewed city.

@@ -1,34 +1,29 @@
 //! The frame loop of the viewed city: moves the camera, streams, draws, lays out the panels, and decides when to go on.
 
-use super::{
-    bookmarks::ViewAction,
-    box_view,
-    city_view::CityView,
-    furniture::{self, Furniture},
-    measure_view, minimap,
-    overlay::{self, DisplayOptions, OverlayTexts, panel},
-    picture_job::PictureJob,
-    proposal_panel,
-    settings::UserSettings,
-    stream_status::{loading_text, status_text},
-    view_log::ViewLog,
-    window::{OverlayLayout, ViewerWindow},
-    window_surface::SceneFrame,
-};
-use crate::{error::Result, proposal::ShownProposal, render::Adapter, session::PrefetchStep};
+use super::bookmarks::ViewAction;
+use super::city_view::CityView;
+use super::furniture::{self, Furniture};
+use super::overlay::{self, DisplayOptions, OverlayTexts, panel};
+use super::picture_job::PictureJob;
+use super::settings::UserSettings;
+use super::stream_status::{loading_text, status_text};
+use super::view_log::ViewLog;
+use super::window::{OverlayLayout, ViewerWindow};
+use super::window_surface::SceneFrame;
+use super::{box_view, measure_view, minimap, proposal_panel};
+use crate::error::Result;
+use crate::proposal::ShownProposal;
+use crate::render::Adapter;
+use crate::session::PrefetchStep;
 use egui::Align2;
-use insula_shaders::{
-    cpu::stepped::{FrameProgress, SteppedFrame},
-    layout::Shading,
-};
-use insula_viewer::{
-    camera::Camera,
-    camera_text,
-    frame::{FrameData, RenderSettings},
-    interaction::frame_pacing::{FrameDetail, FrameTime, STEP},
-    streamer::StreamStatus,
-    sun::Daylight,
-};
+use insula_shaders::cpu::stepped::{FrameProgress, SteppedFrame};
+use insula_shaders::layout::Shading;
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use insula_viewer::frame::{FrameData, RenderSettings};
+use insula_viewer::interaction::frame_pacing::{FrameDetail, FrameTime, STEP};
+use insula_viewer::streamer::StreamStatus;
+use insula_viewer::sun::Daylight;
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 

@@ -1,25 +1,19 @@
 //! The window with its surface and its overlay, with or without a city in it.
 
 use super::window_surface::{OverlayShapes, WindowSurface, color_image};
-use crate::{
-    error::{ClientError, Result},
-    render::{AdapterChoice, GpuDevice, OpenedAdapter, Trial},
-};
+use crate::error::{ClientError, Result};
+use crate::render::{AdapterChoice, GpuDevice, OpenedAdapter, Trial};
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::cache::pages_for;
-use std::{
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::Arc,
-    thread::JoinHandle,
-    time::Duration,
-};
-use winit::{
-    dpi::{LogicalSize, PhysicalPosition},
-    event::WindowEvent,
-    event_loop::ActiveEventLoop,
-    window::{Fullscreen, Window},
-};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use winit::dpi::{LogicalSize, PhysicalPosition};
+use winit::event::WindowEvent;
+use winit::event_loop::ActiveEventLoop;
+use winit::window::{Fullscreen, Window};
 
 /// A window, its surface and its overlay.
 pub struct ViewerWindow {

@@ -1,13 +1,9 @@
 //! The surface of the window: composes the ray-caster's pixels and the overlay, and presents them.
 
-use crate::{
-    error::{ClientError, Result},
-    render::{GpuAdapter, GpuDevice, graphics_error},
-};
-use insula_shaders::{
-    cpu::raycast::Pixels,
-    gpu::{Compose, DeviceQueue},
-};
+use crate::error::{ClientError, Result};
+use crate::render::{GpuAdapter, GpuDevice, graphics_error};
+use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::gpu::{Compose, DeviceQueue};
 use insula_viewer::frame::FrameData;
 use std::sync::Arc;
 use winit::window::Window;

@@ -1,10 +1,8 @@
 //! Caches that are too small for the view.
 
-use super::{
-    fixture_city::{city, city_with_meshes},
-    test_server::TestServer,
-    viewers::{SimulatedViewer, sideways, street},
-};
+use super::fixture_city::{city, city_with_meshes};
+use super::test_server::TestServer;
+use super::viewers::{SimulatedViewer, sideways, street};
 use insula_client::stream::BackgroundFetcher;
 use insula_viewer::streamer::Streamer;
 

@@ -1,28 +1,21 @@
 //! Servers that fail: lost, damaged, slow, missing and refused responses.
 
-use super::{
-    fixture_city::{VERSION, block_map_path, city},
-    frames::REFERENCE,
-    test_server::{Reply, TestServer},
-    viewers::{
-        PATIENT, SimulatedViewer, WIDTH_PX, draw_until_settled, open_session, open_session_with, settle, street,
-        update_until,
-    },
+use super::fixture_city::{VERSION, block_map_path, city};
+use super::frames::REFERENCE;
+use super::test_server::{Reply, TestServer};
+use super::viewers::{
+    PATIENT, SimulatedViewer, WIDTH_PX, draw_until_settled, open_session, open_session_with, settle, street,
+    update_until,
 };
-use insula_client::{session::Session, stream::fetch::HttpOptions};
+use insula_client::session::Session;
+use insula_client::stream::fetch::HttpOptions;
 use insula_protocol::TileId;
 use insula_test_support::rng::Rng;
-use insula_viewer::{
-    frame::RenderSettings,
-    scene::{TileKey, TileState},
-};
-use std::{
-    sync::{
-        Arc, OnceLock,
-        atomic::{AtomicU32, Ordering},
-    },
-    time::Duration,
-};
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::scene::{TileKey, TileState};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 /// A random number from 0 to `n - 1` that depends on the path and the number of earlier requests for it.
 fn random_below(n: usize, path: &str, times: u32) -> usize {

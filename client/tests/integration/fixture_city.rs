@@ -1,19 +1,14 @@
 //! A small synthetic city: buildings of 24 m on a 40 m grid, 20 m high, on ground 1 m thick.
 
-use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
-    manifest::Attribution,
-    mesh_tile::{self, TileTexture},
-    octahedral, route,
-    subtree::{MeshLod, NodeInfo, NodeMesh},
-    tile::TileKind,
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows};
+use insula_protocol::manifest::Attribution;
+use insula_protocol::mesh_tile::{self, TileTexture};
+use insula_protocol::subtree::{MeshLod, NodeInfo, NodeMesh};
+use insula_protocol::tile::TileKind;
+use insula_protocol::{BlockMap, Manifest, Subtree, Texel, TileId, octahedral, route};
 use insula_test_support::small_city::empty_manifest;
-use std::{
-    collections::HashMap,
-    sync::{Arc, LazyLock},
-};
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock};
 
 pub(crate) const DEPTH: u8 = 3;
 pub(crate) const ORIGIN: [f64; 3] = [84_000.0, 447_000.0, 0.0];

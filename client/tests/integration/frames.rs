@@ -1,23 +1,19 @@
 //! Frames from a server without faults.
 
-use super::{
-    fixture_city::{GROUND_M, MESH_M, ORIGIN, ROOF_M, city, city_files, city_with_meshes},
-    test_server::{Reply, TestServer},
-    viewers::{CENTRE, SimulatedViewer, draw_until_settled, global_args, open_session, request, settle, street},
-};
+use super::fixture_city::{GROUND_M, MESH_M, ORIGIN, ROOF_M, city, city_files, city_with_meshes};
+use super::test_server::{Reply, TestServer};
+use super::viewers::{CENTRE, SimulatedViewer, draw_until_settled, global_args, open_session, request, settle, street};
 use glam::DVec3;
-use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
+use insula_client::commands::connect::connect;
+use insula_client::session::Session;
+use insula_client::stream::fetch::Http;
 use insula_protocol::route;
 use insula_shaders::layout::Shading;
-use insula_viewer::{
-    camera::Camera,
-    frame::RenderSettings,
-    interaction::camera_control::{CameraControl, MoveDirection},
-};
-use std::{
-    sync::{Arc, LazyLock},
-    time::{Duration, Instant},
-};
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::interaction::camera_control::{CameraControl, MoveDirection};
+use std::sync::{Arc, LazyLock};
+use std::time::{Duration, Instant};
 
 /// The settled frame of [`street`].
 pub(crate) static REFERENCE: LazyLock<Vec<u32>> =

@@ -1,15 +1,12 @@
 //! The idle prefetch: while the view rests, the tiles that a turn would show are fetched.
 
-use super::{
-    fixture_city::{block_map_path, city},
-    test_server::{Reply, TestServer},
-    viewers::{TIMEOUT, open_session, request},
-};
-use insula_client::{
-    commands::headless::settle,
-    session::{PrefetchStep, Session},
-};
-use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
+use super::fixture_city::{block_map_path, city};
+use super::test_server::{Reply, TestServer};
+use super::viewers::{TIMEOUT, open_session, request};
+use insula_client::commands::headless::settle;
+use insula_client::session::{PrefetchStep, Session};
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::streamer::FrameRequest;
 use std::time::{Duration, Instant};
 
 /// A view over the roofs to the north.

@@ -1,13 +1,12 @@
 //! Pictures: streamed to their end, drawn in strips, and with what developers look at.
 
-use super::{
-    fixture_city::{city, city_with_meshes},
-    test_server::TestServer,
-    viewers::{TIMEOUT, open_session, request},
-};
+use super::fixture_city::{city, city_with_meshes};
+use super::test_server::TestServer;
+use super::viewers::{TIMEOUT, open_session, request};
 use insula_client::picture::{Settling, draw_in_strips, draw_whole, settle};
 use insula_shaders::layout::Shading;
-use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::streamer::FrameRequest;
 use std::collections::BTreeMap;
 
 /// A picture that has several strips, of which the last is incomplete.

@@ -2,16 +2,12 @@
 
 use super::fixture_city::Files;
 use insula_test_support::http::{self, Request};
-use std::{
-    collections::HashMap,
-    io::Write,
-    net::TcpStream,
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, AtomicU32, Ordering},
-    },
-    time::Duration,
-};
+use std::collections::HashMap;
+use std::io::Write;
+use std::net::TcpStream;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 /// How the server responds to a request.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,28 +1,22 @@
 //! Clients of the test server, drawn by the CPU ray-caster.
 
-use super::{fixture_city::ORIGIN, test_server::TestServer};
+use super::fixture_city::ORIGIN;
+use super::test_server::TestServer;
 use glam::DVec3;
-use insula_client::{
-    args::GlobalArgs,
-    commands::connect::connect,
-    render::{Adapter, AdapterChoice, OpenedAdapter},
-    session::Session,
-    stream::{
-        BackgroundFetcher,
-        fetch::{Http, HttpOptions},
-    },
-};
-use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
-use insula_viewer::{
-    camera::Camera,
-    frame::RenderSettings,
-    scene::SceneTree,
-    streamer::{Downloads, FrameRequest, Streamer},
-};
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use insula_client::args::GlobalArgs;
+use insula_client::commands::connect::connect;
+use insula_client::render::{Adapter, AdapterChoice, OpenedAdapter};
+use insula_client::session::Session;
+use insula_client::stream::BackgroundFetcher;
+use insula_client::stream::fetch::{Http, HttpOptions};
+use insula_shaders::cpu::hit_counts::hit_counts;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::RenderSettings;
+use insula_viewer::scene::SceneTree;
+use insula_viewer::streamer::{Downloads, FrameRequest, Streamer};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Size of the frames.
 pub(crate) const WIDTH_PX: usize = 160;

@@ -2,7 +2,8 @@
 //!
 //! In: bytes from an untrusted source. Out: [`DecodedTile`]. Next: `cache`, `scene`.
 
-use crate::{cache::PackedTile, scene::TileKey};
+use crate::cache::PackedTile;
+use crate::scene::TileKey;
 use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, VisibilityTile};
 use insula_shaders::mesh::MeshTexture;
 
@@ -45,10 +46,8 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{
-        TileId,
-        mesh_tile::{self, TileTexture},
-    };
+    use insula_protocol::TileId;
+    use insula_protocol::mesh_tile::{self, TileTexture};
     use std::io::Cursor;
 
     #[test]

@@ -4,29 +4,24 @@
 //!
 //! Positions are made relative to the camera in f64 and only then rounded to f32. The camera is where rays may begin.
 
-use crate::{
-    cache::{AtlasCache, CachedMesh, CachedNode},
-    camera::{Camera, View},
-    projection::ray_direction,
-    scene::{NodeIndex, SceneTree},
-    select::{
-        occlusion_feedback::OcclusionQuery,
-        transitions::{DrawSource, Transitions},
-    },
-    translucency::{DrawnLandmarks, DrawnTile, Translucency},
-};
+use crate::cache::{AtlasCache, CachedMesh, CachedNode};
+use crate::camera::{Camera, View};
+use crate::projection::ray_direction;
+use crate::scene::{NodeIndex, SceneTree};
+use crate::select::occlusion_feedback::OcclusionQuery;
+use crate::select::transitions::{DrawSource, Transitions};
+use crate::translucency::{DrawnLandmarks, DrawnTile, Translucency};
 use bytemuck::Zeroable;
 use glam::DVec3;
-use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::voxel_error_m};
-use insula_shaders::{
-    cpu::night::bays_of,
-    grid::{GridBuilder, GridFrame},
-    layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, MESH_LEVEL, PAGE_WORDS, Shading},
-    light::{Air, NightLights, SUN_RADIUS_RAD},
-    look::{Look, low_sun},
-    mesh::{leaf_offset, ray_origin},
-    stone::{MAX_STONES, Stone},
-};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::{Manifest, NODE_CELLS, TileId};
+use insula_shaders::cpu::night::bays_of;
+use insula_shaders::grid::{GridBuilder, GridFrame};
+use insula_shaders::layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, MESH_LEVEL, PAGE_WORDS, Shading};
+use insula_shaders::light::{Air, NightLights, SUN_RADIUS_RAD};
+use insula_shaders::look::{Look, low_sun};
+use insula_shaders::mesh::{leaf_offset, ray_origin};
+use insula_shaders::stone::{MAX_STONES, Stone};
 
 /// Rays along a pixel's side while the camera is still: two miss much of a texture that is finer than the pixels, four gain
 /// little.

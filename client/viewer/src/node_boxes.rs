@@ -1,6 +1,9 @@
 //! The boxes of the nodes that a frame is drawn from, as lines in the frame (Gasparello 2007, 4.3.5).
 
-use crate::{camera::View, projection::project_line, scene::SceneTree, select::Selection};
+use crate::camera::View;
+use crate::projection::project_line;
+use crate::scene::SceneTree;
+use crate::select::Selection;
 use glam::{DVec2, DVec3};
 
 /// The ends of the boxes' edges in front of the camera, in shares of the frame's width and height from its upper left corner. Of nodes

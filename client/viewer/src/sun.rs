@@ -3,16 +3,19 @@
 //! Hours are the city's own mean solar time: 12 when the sun is about highest, whatever the clocks there show. A time with an
 //! offset (`Z`, `+09:00`) is converted by the city's longitude.
 
-use crate::{frame::RenderSettings, moon, select::shadow_casters::MAX_SHADOW_M, translucency::Translucency};
+use crate::frame::RenderSettings;
+use crate::moon;
+use crate::select::shadow_casters::MAX_SHADOW_M;
+use crate::translucency::Translucency;
 use chrono::{Datelike, Days, NaiveDate, NaiveDateTime, TimeDelta, Timelike};
 use glam::{DQuat, DVec3};
-use insula_protocol::{Manifest, manifest::GeoLocation};
-use insula_shaders::{
-    layout::Shading,
-    light::{Air, NightLights},
-    look::Look,
-};
-use solar_positioning::{Location, RefractionCorrection, SolarPositions, time::JulianDate};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::GeoLocation;
+use insula_shaders::layout::Shading;
+use insula_shaders::light::{Air, NightLights};
+use insula_shaders::look::Look;
+use solar_positioning::time::JulianDate;
+use solar_positioning::{Location, RefractionCorrection, SolarPositions};
 
 /// Accepted years.
 const YEARS: std::ops::RangeInclusive<i32> = 1800..=2200;

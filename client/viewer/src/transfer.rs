@@ -3,7 +3,9 @@
 //!
 //! Only this program writes and reads them, in one version: they are not a format.
 
-use crate::{cache::PackedTile, decode::DecodedTile, decode::decode, scene::TileKey};
+use crate::cache::PackedTile;
+use crate::decode::{DecodedTile, decode};
+use crate::scene::TileKey;
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian, standard};
 use insula_protocol::DecodeError;
 

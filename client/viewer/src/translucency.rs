@@ -6,16 +6,15 @@
 use crate::camera::View;
 use glam::{DVec2, DVec3};
 use insula_protocol::TileId;
-use insula_shaders::{
-    layout::{FrameUniform, PAGE_WORDS, Shading},
-    mesh::LandmarkBounds,
-    stone::Stone,
-    translucency::{FAST_TAPS, FINE_TAPS, MAP_WORDS, MAX_MAP_PX, MAX_MAPS, MIN_MAP_PX, MapPlace, TranslucencyMap},
+use insula_shaders::layout::{FrameUniform, PAGE_WORDS, Shading};
+use insula_shaders::mesh::LandmarkBounds;
+use insula_shaders::stone::Stone;
+use insula_shaders::translucency::{
+    FAST_TAPS, FINE_TAPS, MAP_WORDS, MAX_MAP_PX, MAX_MAPS, MIN_MAP_PX, MapPlace, TranslucencyMap,
 };
-use std::{
-    collections::{BTreeMap, hash_map::DefaultHasher},
-    hash::{Hash, Hasher},
-};
+use std::collections::BTreeMap;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
 
 /// Pages that an atlas has for translucency maps, behind those of the cache.
 pub const MAP_PAGES: u32 = MAX_MAPS as u32 * MAP_WORDS / PAGE_WORDS as u32;

@@ -1,13 +1,9 @@
 //! Messages of the page to the viewer, as JSON. A command is an object whose only key is its name, with its values: enums with tags inside
 //! take several times the code.
 
-use insula_viewer::{
-    interaction::{
-        camera_control::{ControlMode, MoveDirection},
-        measure::MeasureKind,
-    },
-    objects::{FilteredOut, StyleRules},
-};
+use insula_viewer::interaction::camera_control::{ControlMode, MoveDirection};
+use insula_viewer::interaction::measure::MeasureKind;
+use insula_viewer::objects::{FilteredOut, StyleRules};
 use serde::Deserialize;
 
 /// How a viewer begins.

@@ -1,10 +1,10 @@
 //! The types of messages in TypeScript, made from those of Rust.
 
-use crate::{
-    commands::{ColorRules, Command, Direction, Kind, MeasureCommand, Mode, Others, ViewerOptions},
-    messages::{ColorsMessage, FrameMessage, MeasureMessage, ObjectMessage, SchemaMessage, StatusMessage, Step},
-};
-use std::{fmt::Write, fs, path::Path};
+use crate::commands::{ColorRules, Command, Direction, Kind, MeasureCommand, Mode, Others, ViewerOptions};
+use crate::messages::{ColorsMessage, FrameMessage, MeasureMessage, ObjectMessage, SchemaMessage, StatusMessage, Step};
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
 use ts_rs::{Config, TS};
 
 /// Adds the declaration of a type with its docs.

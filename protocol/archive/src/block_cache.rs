@@ -1,19 +1,15 @@
 //! Blocks of remote objects in memory and, if wanted, on disk. Each is fetched once however many callers want it.
 
-use crate::{
-    RangeRead, RangeSource, ReadError,
-    disk_cache::DiskCache,
-    source::{BoxFuture, SharedSource},
-};
+use crate::disk_cache::DiskCache;
+use crate::source::{BoxFuture, SharedSource};
+use crate::{RangeRead, RangeSource, ReadError};
 use bytes::Bytes;
 use moka::future::Cache;
-use std::{
-    fmt::{self, Debug},
-    io,
-    ops::Range,
-    path::PathBuf,
-    sync::Arc,
-};
+use std::fmt::{self, Debug};
+use std::io;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
 use tokio::task::spawn_blocking;
 
 /// Memory for a block besides its bytes.

@@ -1,13 +1,12 @@
 //! A baked city: its manifest and its archives.
 
-use crate::{Archive, ArchiveError, CityError, ReadError, limits::max_tile_bytes};
+use crate::limits::max_tile_bytes;
+use crate::{Archive, ArchiveError, CityError, ReadError};
 use bytes::Bytes;
-use insula_protocol::{
-    Manifest, TileId, TileKind,
-    codec::bincode,
-    mesh_tile::MAX_LODS,
-    tile::{self, TileReader},
-};
+use insula_protocol::codec::bincode;
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::tile::{self, TileReader};
+use insula_protocol::{Manifest, TileId, TileKind};
 
 #[cfg(feature = "fs")]
 mod folder;

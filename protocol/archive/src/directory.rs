@@ -3,13 +3,14 @@
 //! <https://github.com/protomaps/PMTiles/blob/main/spec/v3/spec.md>. The `pmtiles` crate checks less, hides the offsets of
 //! entries and needs an asynchronous runtime.
 
-use crate::{
-    ArchiveError,
-    limits::{MAX_READ_BYTES, MAX_TILE_BYTES},
-    mark::MARK_AT,
-};
-use insula_protocol::{TileId, codec::checksum, tile_id::MAX_LEVEL};
-use std::{io::Read, ops::Range};
+use crate::ArchiveError;
+use crate::limits::{MAX_READ_BYTES, MAX_TILE_BYTES};
+use crate::mark::MARK_AT;
+use insula_protocol::TileId;
+use insula_protocol::codec::checksum;
+use insula_protocol::tile_id::MAX_LEVEL;
+use std::io::Read;
+use std::ops::Range;
 
 pub(crate) const HEADER_BYTES: u64 = 127;
 /// Most tiles in an archive, so that whoever lists them comes to an end. Equal tiles in a row share an entry.

@@ -4,23 +4,17 @@
 //! modification time is that of its last use. So the cache survives restarts, several processes may share it, and a full or
 //! failing disk costs a fetch but gives no wrong byte. The files that were used longest ago are removed first.
 
-use crate::{
-    file::open_regular,
-    limits::MAX_READ_BYTES,
-    places::{kept_folder, kept_folder_above},
-};
+use crate::file::open_regular;
+use crate::limits::MAX_READ_BYTES;
+use crate::places::{kept_folder, kept_folder_above};
 use bytes::Bytes;
-use std::{
-    collections::HashMap,
-    fs::{self, File},
-    io::{self, Read as _, Write as _},
-    path::{Path, PathBuf},
-    sync::{
-        Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, Ordering},
-    },
-    time::{Duration, SystemTime},
-};
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
 
 const CHECKSUM_BYTES: usize = 32;
 const MAX_KEY_BYTES: usize = 200;

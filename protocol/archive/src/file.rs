@@ -1,10 +1,8 @@
 //! Regular files of this machine.
 
-use std::{
-    fs::{self, File},
-    io::{self, Read},
-    path::Path,
-};
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::Path;
 
 /// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
 pub fn open_regular(path: &Path) -> io::Result<File> {
@@ -40,7 +38,8 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{RangeSource, file_source::FileSource};
+    use crate::RangeSource;
+    use crate::file_source::FileSource;
 
     #[test]
     fn reads_ranges_up_to_the_end() {

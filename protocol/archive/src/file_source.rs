@@ -1,7 +1,13 @@
 //! A file as a source of ranges.
 
-use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES, open_files::OpenFile};
-use std::{fs::File, io, ops::Range, path::Path, sync::Arc};
+use crate::limits::MAX_READ_BYTES;
+use crate::open_files::OpenFile;
+use crate::{RangeRead, RangeSource, ReadError};
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
 
 /// A regular file.
 ///

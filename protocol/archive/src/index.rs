@@ -1,19 +1,20 @@
 //! An archive whose directories are checked when it is opened.
 
-use crate::{
-    ArchiveError, RangeRead, ReadError,
-    directory::{
-        ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id,
-        tile_number,
-    },
-    mark::ExpectedMark,
-    resident_directories::ResidentDirectories,
-    source::{SharedSource, read_exactly},
+use crate::directory::{
+    ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id, tile_number,
 };
+use crate::mark::ExpectedMark;
+use crate::resident_directories::ResidentDirectories;
+use crate::source::{SharedSource, read_exactly};
+use crate::{ArchiveError, RangeRead, ReadError};
 use bytes::Bytes;
 use futures_util::FutureExt as _;
 use insula_protocol::{Manifest, TileId};
-use std::{collections::HashSet, ops::Range, sync::Arc, time::Instant, vec};
+use std::collections::HashSet;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+use std::vec;
 
 /// An archive whose directories have been checked: every tile lies inside the file.
 ///
@@ -44,7 +45,8 @@ impl Archive {
     /// Opens a file and checks its directories. Fails if that takes until `deadline`.
     #[cfg(feature = "fs")]
     pub fn open(path: &std::path::Path, deadline: Instant) -> Result<Self, crate::CityError> {
-        use crate::{CityError, file_source::FileSource};
+        use crate::CityError;
+        use crate::file_source::FileSource;
         let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
         let loaded = Self::load(Arc::new(source), Some(deadline)).now_or_never();
         let location = || path.display().to_string();

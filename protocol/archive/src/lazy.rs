@@ -1,24 +1,18 @@
 //! An archive whose directories are fetched as needed.
 
-use crate::{
-    ArchiveError,
-    directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
-    limits::max_tile_bytes,
-    mark::ExpectedMark,
-    resident_directories::ResidentDirectories,
-    source::{BoxFuture, SharedSource, read_exactly},
-};
+use crate::ArchiveError;
+use crate::directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number};
+use crate::limits::max_tile_bytes;
+use crate::mark::ExpectedMark;
+use crate::resident_directories::ResidentDirectories;
+use crate::source::{BoxFuture, SharedSource, read_exactly};
 use bytes::Bytes;
-use futures_util::{
-    FutureExt as _,
-    future::{WeakShared, try_join_all},
-};
+use futures_util::FutureExt as _;
+use futures_util::future::{WeakShared, try_join_all};
 use insula_protocol::{Manifest, TileId, TileKind};
-use std::{
-    collections::HashMap,
-    ops::Range,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Length of the first read. PMTiles puts the header and the root directory there.
 const FIRST_READ_BYTES: u64 = 16 << 10;

@@ -1,12 +1,10 @@
 //! Files that get their names when they are complete, so that a full disk or a killed program leaves the old ones.
 
-use std::{
-    ffi::OsString,
-    fs::{self, File},
-    io::{self, Write},
-    path::{Path, PathBuf},
-    sync::atomic::{AtomicU32, Ordering},
-};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Distinguishes the files of one process.
 static NEXT: AtomicU32 = AtomicU32::new(0);

@@ -4,18 +4,16 @@
 //! closed, and opened again by the next read if it is still the same file. An open file stays readable after it was replaced; a closed one does
 //! not, and its reads fail with [`ReadError::Replaced`].
 
-use crate::{ReadError, file::open_regular};
+use crate::ReadError;
+use crate::file::open_regular;
 use lru::LruCache;
-use std::{
-    fs::{File, Metadata},
-    io,
-    path::{Path, PathBuf},
-    sync::{
-        Arc, LazyLock, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-    time::SystemTime,
-};
+use std::fs::{File, Metadata};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 
 /// Open handles unless [`set_most_open_files`] says otherwise: a quarter of the usual limit of a process.
 const DEFAULT_MOST: usize = 256;

@@ -5,12 +5,10 @@
 
 use crate::file::open_regular;
 use serde_json::{Value, json};
-use std::{
-    collections::BTreeMap,
-    fs,
-    io::{self, Read},
-    path::{Component, Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
 
 /// Length and BLAKE3 hash of what was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,14 +1,10 @@
 //! Folders that the programs keep, known by what they write into them, and paths without links.
 
-use crate::{
-    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES},
-    file::read_limited,
-};
+use crate::city::{MANIFEST_FILE, MAX_MANIFEST_BYTES};
+use crate::file::read_limited;
 use serde_json::Value;
-use std::{
-    fmt, fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
 /// Marks a published site, and lists its files.
 pub const SITE_FILE: &str = "insula-site.json";

@@ -2,13 +2,10 @@
 
 use crate::directory::DirectoryEntry;
 use lru::LruCache;
-use std::{
-    any::Any,
-    sync::{
-        Arc, LazyLock, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-};
+use std::any::Any;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 /// Memory unless [`set_most_directory_bytes`] says otherwise: 5.6 million tiles.
 const DEFAULT_MOST_BYTES: usize = 128 << 20;

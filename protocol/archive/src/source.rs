@@ -2,13 +2,14 @@
 
 use crate::ReadError;
 use bytes::Bytes;
-use std::{fmt::Debug, ops::Range, sync::Arc};
-
 /// A boxed future. It is `Send` except in WebAssembly, where values of JavaScript are not.
 #[cfg(not(target_arch = "wasm32"))]
 pub use futures_util::future::BoxFuture;
 #[cfg(target_arch = "wasm32")]
 pub use futures_util::future::LocalBoxFuture as BoxFuture;
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// A source that several readers share, also between threads except in WebAssembly.
 #[cfg(not(target_arch = "wasm32"))]

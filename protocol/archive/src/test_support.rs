@@ -4,14 +4,10 @@ use crate::{RangeRead, RangeSource, ReadError};
 use bytes::Bytes;
 use insula_protocol::TileId;
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
-use std::{
-    io::{Cursor, Write},
-    ops::Range,
-    sync::{
-        Mutex,
-        atomic::{AtomicU32, AtomicU64, Ordering},
-    },
-};
+use std::io::{Cursor, Write};
+use std::ops::Range;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Polls before a response. Each caller that waits for a shared read polls it, so all of them ask before it responds.
 const POLLS: usize = 1000;

@@ -2,7 +2,8 @@
 
 use crate::private_network::{GuardedNames, SystemNames};
 use insula_protocol::route::{host_of, is_same_host};
-use reqwest::{ClientBuilder, redirect::Policy};
+use reqwest::ClientBuilder;
+use reqwest::redirect::Policy;
 use std::error::Error;
 
 /// Most redirects of a request.

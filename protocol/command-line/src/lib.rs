@@ -10,22 +10,19 @@ pub mod output;
 mod private_network;
 pub mod tls;
 
-use clap::{
-    Command, CommandFactory, Parser, Subcommand,
-    error::{ContextKind, ContextValue, ErrorKind},
-};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Command, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
-use insula_archive::{file::open_regular, new_file::replace};
+use insula_archive::file::open_regular;
+use insula_archive::new_file::replace;
 use insula_protocol::text::printable;
 use output::{FileKind, Outputs};
-use std::{
-    borrow::Cow,
-    ffi::OsString,
-    fs,
-    io::{self, Write},
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::borrow::Cow;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 /// The commands of both programs, in the order of their help. Each names the other one for those that it does not have.
 const COMMANDS: [(&str, &[&str]); 2] = [

@@ -1,16 +1,12 @@
 //! The log of a program on standard error.
 
 use insula_protocol::text::{printable, without_users};
-use std::{
-    env,
-    io::{self, IsTerminal, Write},
-};
-use tracing_subscriber::{
-    field::MakeExt,
-    filter::Targets,
-    fmt::{FormatFields, format},
-    prelude::*,
-};
+use std::env;
+use std::io::{self, IsTerminal, Write};
+use tracing_subscriber::field::MakeExt;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt::{FormatFields, format};
+use tracing_subscriber::prelude::*;
 
 /// Starts logging with the levels of `RUST_LOG` (`warn,insula_server=debug`: a level for all, and for targets), else with
 /// those of `levels`, as text or JSON lines. Further calls have no effect. Only programs call this: in a library it would

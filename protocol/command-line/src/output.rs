@@ -1,17 +1,13 @@
 //! What a command may write: nothing that it reads, nothing of the folders that the programs keep, and no file of another kind.
 
-use insula_archive::{
-    file::open_regular,
-    new_file::NewFile,
-    places::{KeptFolder, canonical, kept_folder, kept_folder_above},
-};
+use insula_archive::file::open_regular;
+use insula_archive::new_file::NewFile;
+use insula_archive::places::{KeptFolder, canonical, kept_folder, kept_folder_above};
 use serde_json::Value;
-use std::{
-    ffi::OsStr,
-    fs,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 /// Longest JSON file that is taken for an earlier output.
 const MAX_JSON_BYTES: u64 = 64 << 20;

@@ -2,12 +2,10 @@
 //! has a public address first, and a private one at the next connection.
 
 use reqwest::dns::{Addrs, Name, Resolve, Resolving};
-use std::{
-    collections::HashMap,
-    io,
-    net::{IpAddr, Ipv4Addr, SocketAddr},
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::collections::HashMap;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Names that are known at the same time. Servers that may redirect anywhere could lead to names without end.
 const MAX_NAMES: usize = 10_000;
@@ -110,10 +108,8 @@ impl Resolve for SystemNames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{
-        pin::pin,
-        task::{Context, Poll, Waker},
-    };
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
 
     const PUBLIC: &str = "93.184.215.14";
 

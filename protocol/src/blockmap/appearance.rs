@@ -3,18 +3,12 @@
 //! A roof texel is predicted from the western, southern and south-western one. A strip texel is predicted from the one
 //! below, from the one in the same row of the predecessor's strip, and from the one below that.
 
-use super::{
-    BlockMap, COLUMNS, STEPS_PER_CELL,
-    facades::FacadeStep,
-    flag,
-    neighbours::{WIDTH, neighbour, rim_index},
-    strip_rows,
-    texel_coder::{Colour, QuantisationSteps, ReconstructedTexel, TexelCoder, from_rgb},
-};
-use crate::{
-    codec::range::{BitCoder, BitModel},
-    texel::{AO_MAX, Texel},
-};
+use super::facades::FacadeStep;
+use super::neighbours::{WIDTH, neighbour, rim_index};
+use super::texel_coder::{Colour, QuantisationSteps, ReconstructedTexel, TexelCoder, from_rgb};
+use super::{BlockMap, COLUMNS, STEPS_PER_CELL, flag, strip_rows};
+use crate::codec::range::{BitCoder, BitModel};
+use crate::texel::{AO_MAX, Texel};
 
 /// Maximum number of colours of a palette. Maps with more colours have none.
 const MAX_PALETTE: usize = 64;

@@ -3,11 +3,9 @@
 //! A column on the ground ends slightly below the lowest ground around it. Any other column usually ends where its
 //! neighbours end. The nearer of the two predictions is used and coded.
 
-use super::{
-    BlockMap, COLUMNS, STEPS_PER_CELL, Z_CODE_MAX, flag,
-    neighbours::{WIDTH, rim_index},
-    tops::ColumnTop,
-};
+use super::neighbours::{WIDTH, rim_index};
+use super::tops::ColumnTop;
+use super::{BlockMap, COLUMNS, STEPS_PER_CELL, Z_CODE_MAX, flag};
 use crate::codec::range::{BitCoder, BitModel, NumberModel};
 
 /// Largest number of height codes by which [`BlockMap::snap_hidden_bottoms`] moves a bottom.

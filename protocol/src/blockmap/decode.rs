@@ -1,21 +1,16 @@
 //! Decoding of V-BlockMaps from untrusted bytes.
 
-use super::{
-    BlockMap, Z_SHIFT_MAX,
-    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_OBJECTS, TAG_REFLECTIVE, TAG_THIN},
-    ground::{self, NodeGround},
-    objects::{self, ColumnObjects},
-    reflective,
-    texel_coder::QuantisationSteps,
-    thin,
-};
-use crate::{
-    TileId, TileKind,
-    codec::{byte_reader::ByteReader, range::RangeDecoder},
-    error::DecodeError,
-    texel::AO_MAX,
-    tile::{MAX_SECTION_BYTES, TileReader},
-};
+use super::encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_OBJECTS, TAG_REFLECTIVE, TAG_THIN};
+use super::ground::{self, NodeGround};
+use super::objects::{self, ColumnObjects};
+use super::texel_coder::QuantisationSteps;
+use super::{BlockMap, Z_SHIFT_MAX, reflective, thin};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::range::RangeDecoder;
+use crate::error::DecodeError;
+use crate::texel::AO_MAX;
+use crate::tile::{MAX_SECTION_BYTES, TileReader};
+use crate::{TileId, TileKind};
 
 impl BlockMap {
     /// Decodes the tile of node `id`. The bytes do not contain the id, because equal nodes of a city share one tile.

@@ -2,16 +2,13 @@
 //!
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
-use super::{
-    BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps, thin,
-};
-use crate::{
-    TileKind,
-    codec::range::{NullEncoder, RangeEncoder},
-    error::DecodeError,
-    texel::Texel,
-    tile::TileWriter,
-};
+use super::texel_coder::QuantisationSteps;
+use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, thin};
+use crate::TileKind;
+use crate::codec::range::{NullEncoder, RangeEncoder};
+use crate::error::DecodeError;
+use crate::texel::Texel;
+use crate::tile::TileWriter;
 
 pub(super) const TAG_META: u8 = 1;
 pub(super) const TAG_COLUMNS: u8 = 2;

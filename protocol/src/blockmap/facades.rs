@@ -1,9 +1,7 @@
 //! Which columns are exposed, and the order in which their walls are coded.
 
-use super::{
-    BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag,
-    neighbours::{WIDTH, rim_index},
-};
+use super::neighbours::{WIDTH, rim_index};
+use super::{BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag};
 use crate::codec::range::{BitCoder, BitModel, GroupFlag};
 
 /// The eight neighbours of a column in the order in which a facade is followed: along the grid first.

@@ -7,12 +7,10 @@ use super::{
     BlockMap, COLUMNS, ColumnClip, MapColumn, NODE_CELLS, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
     strip_rows,
 };
-use crate::{
-    codec::range::{BitCoder, BitModel, GroupFlag, NumberModel},
-    error::DecodeError,
-    octahedral,
-    texel::{AO_MAX, Texel},
-};
+use crate::codec::range::{BitCoder, BitModel, GroupFlag, NumberModel};
+use crate::error::DecodeError;
+use crate::octahedral;
+use crate::texel::{AO_MAX, Texel};
 
 /// Side of a square of the ground in columns.
 pub const SQUARE_CELLS: usize = 8;
@@ -417,10 +415,8 @@ fn fill_beyond(clip: &mut ColumnClip, ground: &MapColumn, [z_min, z_max]: [u16; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        TileId,
-        blockmap::{ColumnObjects, NO_OBJECT, Quality},
-    };
+    use crate::TileId;
+    use crate::blockmap::{ColumnObjects, NO_OBJECT, Quality};
 
     /// Ground that rises by a metre to the east in every square, without its north-eastern square.
     fn slope() -> NodeGround {

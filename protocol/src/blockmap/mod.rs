@@ -23,17 +23,14 @@ pub mod voxels;
 mod walk;
 mod walls;
 
+use crate::TileId;
+use crate::error::{DecodeError, check_limit};
+use crate::texel::Texel;
 pub use encode::Quality;
 pub use ground::NodeGround;
 pub use objects::{ColumnObjects, NO_OBJECT};
 pub use texel_coder::QuantisationSteps;
 pub use thin::ThinShare;
-
-use crate::{
-    TileId,
-    error::{DecodeError, check_limit},
-    texel::Texel,
-};
 
 /// Columns along a node's side.
 pub const NODE_CELLS: usize = 64;

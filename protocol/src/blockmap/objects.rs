@@ -5,16 +5,12 @@
 //! else one that was named shortly before, else any of the list. How likely it is that a neighbour shows the same object depends on
 //! the step in height between the two.
 
-use super::{BlockMap, COLUMNS, NODE_CELLS, flag, neighbours::neighbour};
-use crate::{
-    codec::{
-        object_names::{Naming, code_list},
-        range::BitCoder,
-    },
-    error::DecodeError,
-};
-
+use super::neighbours::neighbour;
+use super::{BlockMap, COLUMNS, NODE_CELLS, flag};
 pub use crate::codec::object_names::NO_OBJECT;
+use crate::codec::object_names::{Naming, code_list};
+use crate::codec::range::BitCoder;
+use crate::error::DecodeError;
 
 /// The objects of a node's columns.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -170,11 +166,10 @@ fn occupied(map: &BlockMap, j: usize) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        Texel, TileId, TileKind,
-        blockmap::{ColumnClip, MapColumn, OuterTop, WallStrip, encode::TAG_OBJECTS, strip_rows},
-        tile::TileReader,
-    };
+    use crate::blockmap::encode::TAG_OBJECTS;
+    use crate::blockmap::{ColumnClip, MapColumn, OuterTop, WallStrip, strip_rows};
+    use crate::tile::TileReader;
+    use crate::{Texel, TileId, TileKind};
     use insula_test_support::rng::Rng;
 
     /// Terrain (object 7) with houses of 12 x 12 columns, each of its own height and object, with clipped walls.

@@ -3,10 +3,8 @@
 //! Water comes in large patches with smooth shores, so a bit costs little when the columns before it agree.
 
 use super::{BlockMap, COLUMNS, NODE_CELLS, flag};
-use crate::{
-    codec::range::{BitCoder, BitModel, GroupFlag},
-    error::DecodeError,
-};
+use crate::codec::range::{BitCoder, BitModel, GroupFlag};
+use crate::error::DecodeError;
 
 impl BlockMap {
     /// Whether a column is [`flag::REFLECTIVE`].
@@ -42,14 +40,10 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        Texel, TileId, TileKind,
-        blockmap::{
-            MapColumn,
-            encode::{TAG_COLUMNS, TAG_META, TAG_REFLECTIVE},
-        },
-        tile::{TileReader, TileWriter},
-    };
+    use crate::blockmap::MapColumn;
+    use crate::blockmap::encode::{TAG_COLUMNS, TAG_META, TAG_REFLECTIVE};
+    use crate::tile::{TileReader, TileWriter};
+    use crate::{Texel, TileId, TileKind};
 
     /// Columns everywhere but in the north-western corner, reflective where `is_water`.
     fn map(is_water: impl Fn(i32, i32) -> bool) -> BlockMap {

@@ -4,10 +4,8 @@
 //! coded with a model that depends on how much the three differ.
 
 use super::neighbours::median;
-use crate::{
-    codec::range::{BitCoder, BitModel, NumberModel},
-    texel::{AO_MAX, Texel},
-};
+use crate::codec::range::{BitCoder, BitModel, NumberModel};
+use crate::texel::{AO_MAX, Texel};
 
 /// Quantisation steps of a map's colours and occlusion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

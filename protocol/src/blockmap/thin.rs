@@ -2,10 +2,8 @@
 //! columns have.
 
 use super::{BlockMap, COLUMNS, MapColumn, NODE_CELLS, STEPS_PER_CELL, flag, strip_rows};
-use crate::{
-    codec::range::{BitCoder, BitModel, NumberModel},
-    error::DecodeError,
-};
+use crate::codec::range::{BitCoder, BitModel, NumberModel};
+use crate::error::DecodeError;
 
 /// How much of its cell a thin object covers (Vacca 2008, 3.4.2): of a column's only solid, or of the one above its gap. As codes, which
 /// are finer where the share is small.
@@ -120,11 +118,10 @@ pub(super) fn check(map: &BlockMap) -> Result<(), DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        Texel, TileId, TileKind,
-        blockmap::{ColumnClip, NodeGround, WallStrip, encode::TAG_THIN},
-        tile::TileReader,
-    };
+    use crate::blockmap::encode::TAG_THIN;
+    use crate::blockmap::{ColumnClip, NodeGround, WallStrip};
+    use crate::tile::TileReader;
+    use crate::{Texel, TileId, TileKind};
 
     fn walled(z_min: u16, z_max: u16) -> MapColumn {
         let rows = strip_rows(z_min, z_max, 0).1;

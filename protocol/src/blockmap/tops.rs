@@ -1,9 +1,7 @@
 //! Column tops: which columns exist, and their flags, normals and heights. All lossless, row by row.
 
-use super::{
-    BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag,
-    neighbours::{WIDTH, median, rim_index},
-};
+use super::neighbours::{WIDTH, median, rim_index};
+use super::{BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag};
 use crate::codec::range::{BitCoder, BitModel, GroupFlag, NumberModel};
 
 /// Number of recent normals that can be referred to by their position in a list.

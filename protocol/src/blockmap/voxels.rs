@@ -188,11 +188,9 @@ fn rows_of([low, high]: [usize; 2], codes: usize) -> Range<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        TileId,
-        blockmap::{COLUMNS, ColumnClip, NodeGround, OuterTop, WallStrip},
-        texel::AO_MAX,
-    };
+    use crate::TileId;
+    use crate::blockmap::{COLUMNS, ColumnClip, NodeGround, OuterTop, WallStrip};
+    use crate::texel::AO_MAX;
 
     fn texel(grey: u8) -> Texel {
         Texel::new([grey; 3], AO_MAX)

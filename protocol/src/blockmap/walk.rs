@@ -1,10 +1,11 @@
 //! The walk over a map's values that writing and reading share. It defines the order of the format.
 
+use super::texel_coder::QuantisationSteps;
 use super::{
-    BlockMap, COLUMNS, Z_CODE_MAX, appearance, bottoms, check_texel_limit, facades, flag, strip_rows,
-    texel_coder::QuantisationSteps, tops, walls,
+    BlockMap, COLUMNS, Z_CODE_MAX, appearance, bottoms, check_texel_limit, facades, flag, strip_rows, tops, walls,
 };
-use crate::{codec::range::BitCoder, error::DecodeError};
+use crate::codec::range::BitCoder;
+use crate::error::DecodeError;
 
 impl BlockMap {
     /// Passes all columns to `coder`. A writing coder finds them in the map and leaves there what a reader will see;

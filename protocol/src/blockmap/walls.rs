@@ -1,12 +1,12 @@
 //! Walls of exposed columns in facade order: flags, azimuths, gaps and clipping planes. All lossless.
 
+use super::azimuth::{AzimuthModels, direction};
+use super::facades::{AROUND, FacadeStep};
+use super::neighbours::{WIDTH, neighbour, rim_index};
+use super::tops::ColumnTop;
 use super::{
     BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, CornerWall, NODE_CELLS, OuterTop, STEPS_PER_CELL, Z_CODE_MAX,
-    azimuth::{AzimuthModels, direction},
-    facades::{AROUND, FacadeStep},
     flag,
-    neighbours::{WIDTH, neighbour, rim_index},
-    tops::ColumnTop,
 };
 use crate::codec::range::{BitCoder, BitModel, GroupFlag, NumberModel};
 

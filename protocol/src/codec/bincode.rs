@@ -4,7 +4,8 @@
 //! replaced.
 
 use crate::error::DecodeError;
-use serde::{Serialize, de::DeserializeOwned};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Maximum size of a header or manifest in bytes.
 pub const LIMIT: usize = 1 << 20;

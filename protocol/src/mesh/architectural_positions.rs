@@ -5,16 +5,12 @@
 //! another corner of the wall. Coordinates that no neighbour gives are coded as differences from the parallelogram, by
 //! the size of the triangle and by the differences at the neighbours.
 
-use super::{
-    completed::{CompletedTriangle, CompletedTriangles},
-    connectivity::Connectivity,
-    difference::{DIGIT_COUNTS, DifferenceCoder, digits},
-    points::Points,
-};
-use crate::{
-    codec::rans::{SymbolCoder, SymbolModel},
-    error::DecodeError,
-};
+use super::completed::{CompletedTriangle, CompletedTriangles};
+use super::connectivity::Connectivity;
+use super::difference::{DIGIT_COUNTS, DifferenceCoder, digits};
+use super::points::Points;
+use crate::codec::rans::{SymbolCoder, SymbolModel};
+use crate::error::DecodeError;
 
 /// Number of neighbours that a vertex is compared with.
 const NEIGHBOURS: usize = 4;

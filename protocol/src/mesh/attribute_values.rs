@@ -4,17 +4,13 @@
 //! nothing except at seams. A new value is coded as a difference from a prediction by its triangle: texture coordinates
 //! are continued linearly across a plane.
 
-use super::{
-    attribute::{Attribute, AttributeKind},
-    connectivity::Connectivity,
-    difference::DifferenceCoder,
-    half_edge::{next, prev},
-    points::Points,
-};
-use crate::{
-    codec::rans::{SymbolCoder, SymbolModel},
-    error::DecodeError,
-};
+use super::attribute::{Attribute, AttributeKind};
+use super::connectivity::Connectivity;
+use super::difference::DifferenceCoder;
+use super::half_edge::{next, prev};
+use super::points::Points;
+use crate::codec::rans::{SymbolCoder, SymbolModel};
+use crate::error::DecodeError;
 
 /// Number of values that a corner may share: across its two edges, and the latest at its vertex.
 const SHARED: usize = 3;

@@ -1,23 +1,17 @@
 //! Decoding of meshes from untrusted bytes.
 
+use super::connectivity::{self, Connectivity};
+use super::half_edge::NONE;
+use super::points::Points;
+use super::scan_prediction::Classes;
+use super::scan_weights::Weights;
 use super::{
     ARCHITECTURAL, Attribute, AttributeKind, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
-    POSITION_BITS, PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
-    connectivity::{self, Connectivity},
-    half_edge::NONE,
-    points::Points,
-    scan_positions,
-    scan_prediction::Classes,
-    scan_weights::Weights,
-    weld,
+    POSITION_BITS, PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values, scan_positions, weld,
 };
-use crate::{
-    codec::{
-        byte_reader::ByteReader,
-        rans::{LANES, RansDecoder},
-    },
-    error::{DecodeError, check_limit},
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::codec::rans::{LANES, RansDecoder};
+use crate::error::{DecodeError, check_limit};
 
 /// What precedes the coded symbols.
 struct MeshHeader {

@@ -1,24 +1,18 @@
 //! Encoding of meshes.
 
+use super::closed_mesh::ClosedMesh;
+use super::connectivity::{self, Connectivity};
+use super::half_edge::{HalfEdgeMesh, NONE, RepairReport};
+use super::points::Points;
+use super::scan_prediction::Classes;
+use super::scan_weights::Weights;
 use super::{
     ARCHITECTURAL, Attribute, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
-    WIDE_GRID, architectural_positions, attribute_values,
-    closed_mesh::ClosedMesh,
-    connectivity::{self, Connectivity},
-    half_edge::{HalfEdgeMesh, NONE, RepairReport},
-    points::Points,
-    scan_positions,
-    scan_prediction::Classes,
-    scan_weights::Weights,
-    weld,
+    WIDE_GRID, architectural_positions, attribute_values, scan_positions, weld,
 };
-use crate::{
-    codec::{
-        rans::{LANES, RansEncoder},
-        varint,
-    },
-    error::{DecodeError, check_limit},
-};
+use crate::codec::rans::{LANES, RansEncoder};
+use crate::codec::varint;
+use crate::error::{DecodeError, check_limit};
 
 /// Bits of the states that scan positions have beyond the one of architectural positions.
 const MORE_STATES: f64 = 32.0 * (LANES - 1) as f64;

@@ -1,9 +1,7 @@
 //! What the writer of connectivity knows beyond a reader: the whole mesh, and which parts of it were traversed.
 
-use super::{
-    closed_mesh::ClosedMesh,
-    half_edge::{NONE, next, prev},
-};
+use super::closed_mesh::ClosedMesh;
+use super::half_edge::{NONE, next, prev};
 
 /// State of a writer. A reader's is empty and unused.
 #[derive(Debug, Default)]

@@ -8,22 +8,16 @@
 //!
 //! All computations are IEEE single precision in the order of the source, so that all machines decode the same.
 
-use super::{
-    completed::CompletedTriangles,
-    connectivity::Connectivity,
-    half_edge::NONE,
-    points::{Points, Vector4, add, dot, larger, nearest, outer_product, scale, sub},
-    scan_models::ScanModels,
-    scan_prediction::{CLASSES, Prediction, WEIGHTS},
-    scan_weights::Weights,
-};
-use crate::{
-    codec::{
-        rans::SymbolCoder,
-        varint::{unzigzag, zigzag},
-    },
-    error::DecodeError,
-};
+use super::completed::CompletedTriangles;
+use super::connectivity::Connectivity;
+use super::half_edge::NONE;
+use super::points::{Points, Vector4, add, dot, larger, nearest, outer_product, scale, sub};
+use super::scan_models::ScanModels;
+use super::scan_prediction::{CLASSES, Prediction, WEIGHTS};
+use super::scan_weights::Weights;
+use crate::codec::rans::SymbolCoder;
+use crate::codec::varint::{unzigzag, zigzag};
+use crate::error::DecodeError;
 
 /// Smallest variance that is assumed, in grid steps squared.
 const MIN_VARIANCE: f32 = 0.1;

@@ -4,11 +4,9 @@
 //! the diagonal of a quad, the parallelogram beyond it is nearly exact; beyond the other edges it is wrong by as much as
 //! a whole edge. So each class has its own weights. Of the two kinds of classes the writer takes the better one.
 
-use super::{
-    completed::CompletedTriangle,
-    connectivity::Connectivity,
-    points::{OuterProduct, Points, Vector4, add, cross, dot, larger, scale, sub},
-};
+use super::completed::CompletedTriangle;
+use super::connectivity::Connectivity;
+use super::points::{OuterProduct, Points, Vector4, add, cross, dot, larger, scale, sub};
 
 /// Number of weights of a class. Most classes use fewer.
 pub(super) const WEIGHTS: usize = 5;

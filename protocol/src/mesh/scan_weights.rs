@@ -1,18 +1,12 @@
 //! Weights of the prediction of scanned surfaces: fitted by the writer, and coded before the positions.
 
-use super::{
-    completed::CompletedTriangles,
-    connectivity::Connectivity,
-    points::{Points, Vector4, dot, sub},
-    scan_prediction::{CLASSES, Classes, FIRST_OF_MANY, OF_ONE, OF_ONE_PAIR, Prediction, WEIGHTS},
-};
-use crate::{
-    codec::{
-        rans::{SymbolCoder, SymbolModel},
-        varint::{unzigzag, zigzag},
-    },
-    error::DecodeError,
-};
+use super::completed::CompletedTriangles;
+use super::connectivity::Connectivity;
+use super::points::{Points, Vector4, dot, sub};
+use super::scan_prediction::{CLASSES, Classes, FIRST_OF_MANY, OF_ONE, OF_ONE_PAIR, Prediction, WEIGHTS};
+use crate::codec::rans::{SymbolCoder, SymbolModel};
+use crate::codec::varint::{unzigzag, zigzag};
+use crate::error::DecodeError;
 
 /// Scale of coded weights.
 const ONE: f32 = 128.0;

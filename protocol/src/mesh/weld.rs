@@ -1,10 +1,8 @@
 //! Marks vertices that were cut apart (module `manifold`) as copies of one original, so that decoding restores it and
 //! its position is coded once.
 
-use crate::{
-    codec::rans::{RAW, SymbolCoder, SymbolModel},
-    error::DecodeError,
-};
+use crate::codec::rans::{RAW, SymbolCoder, SymbolModel};
+use crate::error::DecodeError;
 
 /// Differences up to this have a symbol each.
 const NEAR: i64 = 7;

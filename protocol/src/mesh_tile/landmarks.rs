@@ -1,11 +1,9 @@
 //! The landmarks of a mesh tile: their stones, and where the patterns of these begin.
 
 use super::NO_OBJECT;
-use crate::{
-    codec::byte_reader::ByteReader,
-    error::{DecodeError, check_limit},
-    manifest::MAX_STONES,
-};
+use crate::codec::byte_reader::ByteReader;
+use crate::error::{DecodeError, check_limit};
+use crate::manifest::MAX_STONES;
 
 /// Maximum number of landmarks in a tile.
 pub const MAX_LANDMARKS: usize = 64;

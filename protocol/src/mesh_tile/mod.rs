@@ -8,21 +8,16 @@ mod landmarks;
 mod objects;
 mod texture;
 
+use crate::codec::byte_reader::ByteReader;
 pub use crate::codec::object_names::NO_OBJECT;
+use crate::codec::range::{RangeDecoder, RangeEncoder};
+use crate::error::{DecodeError, check_limit};
+use crate::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh};
+use crate::tile::{TileReader, TileWriter};
+use crate::{TileId, TileKind};
 pub use cuboid::cuboid;
 pub use landmarks::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS};
 pub use texture::decode_webp;
-
-use crate::{
-    TileId, TileKind,
-    codec::{
-        byte_reader::ByteReader,
-        range::{RangeDecoder, RangeEncoder},
-    },
-    error::{DecodeError, check_limit},
-    mesh::{Attribute, AttributeKind, EncodedMesh, Mesh},
-    tile::{TileReader, TileWriter},
-};
 
 /// Maximum number of levels of detail of a leaf; 0 is the finest.
 pub const MAX_LODS: u8 = 6;

@@ -2,13 +2,9 @@
 //!
 //! A triangle most often shows the same object as the last one at one of its vertices, in the order in which the mesh is coded.
 
-use crate::{
-    codec::{
-        object_names::{Naming, code_list},
-        range::BitCoder,
-    },
-    error::DecodeError,
-};
+use crate::codec::object_names::{Naming, code_list};
+use crate::codec::range::BitCoder;
+use crate::error::DecodeError;
 
 /// Writes or reads the object of each triangle. Fails if no triangle has an object.
 pub(super) fn code<C: BitCoder>(

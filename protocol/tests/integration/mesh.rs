@@ -1,7 +1,9 @@
 //! The mesh codec: any triangles round trip exactly, and bytes that are not a mesh are refused.
 
-use insula_protocol::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh, PositionGrid, half_edge::HalfEdgeMesh};
-use insula_test_support::{rng::Rng, tier};
+use insula_protocol::mesh::half_edge::HalfEdgeMesh;
+use insula_protocol::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh, PositionGrid};
+use insula_test_support::rng::Rng;
+use insula_test_support::tier;
 
 /// Random meshes of the full tier.
 const MESHES: u64 = 3000;

@@ -1,11 +1,11 @@
 //! Mesh tiles: round trips, truncation and damage.
 
-use insula_protocol::{
-    DecodeError, MeshTile, TileId, TileKind,
-    mesh::{Attribute, AttributeKind},
-    mesh_tile::{self, LandmarkObject, MAX_LODS, MAX_TEXTURE_SIDE_PX, NO_OBJECT, OCCLUSION_BITS, TileTexture},
-    tile::{TileReader, TileWriter},
+use insula_protocol::mesh::{Attribute, AttributeKind};
+use insula_protocol::mesh_tile::{
+    self, LandmarkObject, MAX_LODS, MAX_TEXTURE_SIDE_PX, NO_OBJECT, OCCLUSION_BITS, TileTexture,
 };
+use insula_protocol::tile::{TileReader, TileWriter};
+use insula_protocol::{DecodeError, MeshTile, TileId, TileKind};
 use insula_test_support::tier;
 use proptest::prelude::*;
 

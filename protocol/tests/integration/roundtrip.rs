@@ -1,11 +1,11 @@
 //! V-BlockMap tiles: round trips, truncation and damage.
 
-use insula_protocol::{
-    BlockMap, DecodeError, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, ThinShare, WallStrip, strip_rows},
-    texel::OPAQUE,
-    tile::TileWriter,
+use insula_protocol::blockmap::{
+    COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, ThinShare, WallStrip, strip_rows,
 };
+use insula_protocol::texel::OPAQUE;
+use insula_protocol::tile::TileWriter;
+use insula_protocol::{BlockMap, DecodeError, Texel, TileId, TileKind};
 use insula_test_support::tier;
 use proptest::prelude::*;
 

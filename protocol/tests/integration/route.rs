@@ -1,11 +1,9 @@
 //! Addresses: round trips, hostile paths, and the classification of paths for metrics.
 
-use insula_protocol::{
-    TileGroup, TileId, TileKind,
-    mesh_tile::MAX_LODS,
-    object_tile::{SCHEMA_ID, block_id},
-    route::{self, Route, RouteError, RouteTemplate, TileRoute, TilesetFileKind},
-};
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::object_tile::{SCHEMA_ID, block_id};
+use insula_protocol::route::{self, Route, RouteError, RouteTemplate, TileRoute, TilesetFileKind};
+use insula_protocol::{TileGroup, TileId, TileKind};
 use proptest::prelude::*;
 
 const VERSION: &str = "0123456789abcdef";

@@ -3,18 +3,16 @@
 //!
 //! `write_vectors` (ignored) made the files. They never change. A new format version gets new files.
 
-use insula_protocol::{
-    BlockMap, MeshTile, Subtree, Texel, TileId,
-    blockmap::{
-        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, NO_OBJECT, OuterTop, Quality, WallStrip, flag,
-        objects::lower_tops, strip_rows,
-    },
-    codec::checksum,
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
-    mesh_tile::{self, LandmarkObject, OCCLUSION_BITS, TileTexture},
-    object_tile, octahedral,
-    subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh},
+use insula_protocol::blockmap::objects::lower_tops;
+use insula_protocol::blockmap::{
+    COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, NO_OBJECT, OuterTop, Quality, WallStrip, flag,
+    strip_rows,
 };
+use insula_protocol::codec::checksum;
+use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::mesh_tile::{self, LandmarkObject, OCCLUSION_BITS, TileTexture};
+use insula_protocol::subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh};
+use insula_protocol::{BlockMap, MeshTile, Subtree, Texel, TileId, object_tile, octahedral};
 
 macro_rules! vector {
     ($name:literal) => {

@@ -1,10 +1,8 @@
 //! Frozen bytes of a visibility tile: every later program must decode them, and this encoder must still write them. They never
 //! change. A new version of the content gets a new file, which `write_vector` (ignored) makes.
 
-use insula_protocol::{
-    TileId,
-    visibility_tile::{VisibilityTile, VisibleCell},
-};
+use insula_protocol::TileId;
+use insula_protocol::visibility_tile::{VisibilityTile, VisibleCell};
 
 const VISIBILITY: &[u8] = include_bytes!("../vectors/v4_visibility.bin");
 

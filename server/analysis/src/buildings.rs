@@ -1,9 +1,7 @@
 //! Values of roofs and walls as a row for each building.
 
-use crate::{
-    surface::{Building, CitySurface, TopKind},
-    walls::WallPoint,
-};
+use crate::surface::{Building, CitySurface, TopKind};
+use crate::walls::WallPoint;
 use insula_export::table::{AddedValues, csv_cell};
 use std::io::{self, Write};
 

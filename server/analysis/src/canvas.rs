@@ -1,9 +1,7 @@
 //! Pictures with lines and texts. The fonts are part of the program, so that pixels do not depend on the machine.
 
-use epaint::{
-    Color32, Galley,
-    text::{FontDefinitions, FontFamily, FontId, Fonts, LayoutJob, TextOptions, TextWrapping},
-};
+use epaint::text::{FontDefinitions, FontFamily, FontId, Fonts, LayoutJob, TextOptions, TextWrapping};
+use epaint::{Color32, Galley};
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 

@@ -1,11 +1,9 @@
 //! Times as rules and people write them: by the sun, by an offset, or by the clocks of a time zone with their summer time.
 
 use chrono::{Datelike, NaiveDate, NaiveDateTime, TimeDelta, Timelike};
-use jiff::{
-    SignedDuration,
-    civil::Date,
-    tz::{AmbiguousOffset, TimeZone, TimeZoneDatabase},
-};
+use jiff::SignedDuration;
+use jiff::civil::Date;
+use jiff::tz::{AmbiguousOffset, TimeZone, TimeZoneDatabase};
 use std::fmt;
 
 /// What a text for a [`TimeSystem`] may be.

@@ -1,13 +1,11 @@
 //! The evidence of a point: the sky that its rays see as a fisheye picture, with the sun's path, and what a rule counts of it.
 
-use crate::{
-    canvas::{Anchor, Color, PictureCanvas},
-    clock::clock_text,
-    points::{AWAY_M, Point, PointSun},
-    rays::CityTriangles,
-    rule::{CountMode, DayMode, Measure, Rule},
-    sun::{Bearing, Site},
-};
+use crate::canvas::{Anchor, Color, PictureCanvas};
+use crate::clock::clock_text;
+use crate::points::{AWAY_M, Point, PointSun};
+use crate::rays::CityTriangles;
+use crate::rule::{CountMode, DayMode, Measure, Rule};
+use crate::sun::{Bearing, Site};
 use chrono::NaiveDate;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
@@ -209,10 +207,8 @@ fn grid(canvas: &mut PictureCanvas) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        points::{PointHeight, sun_at_points},
-        rays::tests::block,
-    };
+    use crate::points::{PointHeight, sun_at_points};
+    use crate::rays::tests::block;
 
     /// A wall of 20 m stands 10 m south of a point, from 20 m west to 10 m east: the south is dark up to 63 degrees, the rest is sky.
     #[test]

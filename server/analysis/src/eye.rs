@@ -1,15 +1,11 @@
 //! Eyes that are inside of a building or below the ground.
 
 use glam::DVec2;
-use insula_export::{
-    camera::ExportCamera,
-    source::{ExportSource, SourceError},
-};
+use insula_export::camera::ExportCamera;
+use insula_export::source::{ExportSource, SourceError};
 use insula_protocol::TileId;
-use insula_viewer::{
-    collision,
-    solids::{ColumnSolids, MeshSolids, SolidInterval},
-};
+use insula_viewer::collision;
+use insula_viewer::solids::{ColumnSolids, MeshSolids, SolidInterval};
 
 /// A camera that is lifted out of what its eye is inside of, or below, and looks in the same direction; `None` if it is outside. Fails if
 /// tiles cannot be read.

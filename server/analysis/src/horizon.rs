@@ -4,10 +4,8 @@
 //! Self-Shadowing, Computer Graphics Forum 29(2), 2010). What a later top hides from all that follows is dropped, so that each top is
 //! added and dropped once at most.
 
-use crate::{
-    raster::Raster,
-    sweep::{Heading, Lines, WALL_SLOPE},
-};
+use crate::raster::Raster;
+use crate::sweep::{Heading, Lines, WALL_SLOPE};
 
 /// The tops of a line that can still be a horizon, the nearest last: distance along the line in cells, and height in metres.
 #[derive(Debug, Clone, Default)]

@@ -4,20 +4,16 @@
 //! the shadows. Positions are divided among the threads, each with counts of its own, which are as small as can be. Sweeps read rows, so
 //! that the surface is turned for lights from east and west; both ways together would not fit into the memory of small machines.
 
-use crate::{
-    raster::Raster,
-    sun::Bearing,
-    surface::CitySurface,
-    sweep::{Heading, Shadows, TOLERANCE_M, sweep_shadows},
-    tally::{MAX_PART, Tally},
-    walls::{WallPoint, WallRows},
-};
+use crate::raster::Raster;
+use crate::sun::Bearing;
+use crate::surface::CitySurface;
+use crate::sweep::{Heading, Shadows, TOLERANCE_M, sweep_shadows};
+use crate::tally::{MAX_PART, Tally};
+use crate::walls::{WallPoint, WallRows};
 use insula_protocol::octahedral;
 use rayon::prelude::*;
-use std::{
-    ops::Range,
-    sync::atomic::{AtomicUsize, Ordering},
-};
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A light that grazes a wall more than this leaves the cell before it to the side.
 const LEAST_FACING: f64 = 0.35;

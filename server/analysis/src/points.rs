@@ -1,13 +1,11 @@
 //! Hours of sun at given points, by rays against the finest triangles: the evidence for a window or a bench.
 
-use crate::{
-    clock::clock_text,
-    probable::day_weights,
-    rays::CityTriangles,
-    rule::{CountMode, DayMode, Measure, Rule},
-    sun::Site,
-    surface::CitySurface,
-};
+use crate::clock::clock_text;
+use crate::probable::day_weights;
+use crate::rays::CityTriangles;
+use crate::rule::{CountMode, DayMode, Measure, Rule};
+use crate::sun::Site;
+use crate::surface::CitySurface;
 use chrono::NaiveDate;
 use glam::DVec3;
 use insula_export::table::csv_cell;

@@ -4,10 +4,8 @@
 //! how often clouds are before the sun at each hour of London's year. Here all hours of a month are equally probable: the month's mean
 //! sunshine, divided by the hours in which the sun is up.
 
-use crate::{
-    rule::{Measure, Rule},
-    sun::Site,
-};
+use crate::rule::{Measure, Rule};
+use crate::sun::Site;
 use chrono::{Datelike, NaiveDate};
 
 /// The days of a year whose sun is looked up: every so many.

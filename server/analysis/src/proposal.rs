@@ -1,16 +1,12 @@
 //! A surface with what a proposal adds to a city and removes from it, and how far values change by it.
 
-use crate::{
-    footprint::footprint,
-    outlines::outlines,
-    surface::{Building, CitySurface, TopKind},
-    walls::WallPoint,
-};
+use crate::footprint::footprint;
+use crate::outlines::outlines;
+use crate::surface::{Building, CitySurface, TopKind};
+use crate::walls::WallPoint;
 use glam::DVec2;
-use insula_export::{
-    raster::CellExtent,
-    selection::{Polygon, SelectedArea},
-};
+use insula_export::raster::CellExtent;
+use insula_export::selection::{Polygon, SelectedArea};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
 /// What stands after a proposal, and not before.

@@ -1,14 +1,15 @@
 //! Rays against the finest triangles of a city.
 
 use glam::{DVec3, Vec3A};
-use insula_export::{leaves::visit_leaf_meshes, source::ExportSource, table::ExportError};
+use insula_export::leaves::visit_leaf_meshes;
+use insula_export::source::ExportSource;
+use insula_export::table::ExportError;
 use insula_protocol::mesh_tile::NO_OBJECT;
-use obvhs::{
-    BvhBuildParams,
-    cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
-    ray::{Ray, RayHit},
-    triangle::Triangle,
-};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::triangle::Triangle;
 use std::time::Duration;
 
 /// Most triangles that are in memory, with about 115 bytes each.

@@ -2,10 +2,8 @@
 //!
 //! A rule is a TOML file. Those built in are `rules/*.toml`, each with its source.
 
-use crate::{
-    clock::TimeSystem,
-    sun::{Bearing, Site},
-};
+use crate::clock::TimeSystem;
+use crate::sun::{Bearing, Site};
 use chrono::{Datelike, Days, Months, NaiveDate};
 use serde::Deserialize;
 

@@ -1,19 +1,17 @@
 //! Lines of sight between points: whether each is free, its first obstacle, and its clearance.
 
-use crate::{points::Point, rays::CityTriangles, surface::CitySurface};
+use crate::points::Point;
+use crate::rays::CityTriangles;
+use crate::surface::CitySurface;
 use glam::DVec3;
-use insula_export::{
-    leaves::LeafObjects,
-    selection::ObjectSelection,
-    source::ExportSource,
-    table::{ExportError, csv_cell},
-};
+use insula_export::leaves::LeafObjects;
+use insula_export::selection::ObjectSelection;
+use insula_export::source::ExportSource;
+use insula_export::table::{ExportError, csv_cell};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use rayon::prelude::*;
-use std::{
-    collections::{BTreeSet, HashMap},
-    io::{self, Write},
-};
+use std::collections::{BTreeSet, HashMap};
+use std::io::{self, Write};
 
 /// Most lines of one analysis.
 pub const MAX_LINES: usize = 1_000_000;

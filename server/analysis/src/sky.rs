@@ -1,12 +1,10 @@
 //! Shares of the sky that roofs, ground and walls see.
 
-use crate::{
-    horizon::{Hull, sweep_horizons},
-    raster::Raster,
-    surface::CitySurface,
-    sweep::Heading,
-    walls::{WallPoint, WallRows, wall_points},
-};
+use crate::horizon::{Hull, sweep_horizons};
+use crate::raster::Raster;
+use crate::surface::CitySurface;
+use crate::sweep::Heading;
+use crate::walls::{WallPoint, WallRows, wall_points};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

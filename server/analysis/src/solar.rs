@@ -1,15 +1,13 @@
 //! What sun and sky give in a year to roofs, ground and walls: without clouds, or with the weather of a file.
 
-use crate::{
-    clock::TimeSystem,
-    light::{SunLight, Total, total},
-    sky::{SkyView, sky_view},
-    sun::{Bearing, Site},
-    surface::CitySurface,
-    tally::{Sum, Tally},
-    walls::WallPoint,
-    weather::WeatherYear,
-};
+use crate::clock::TimeSystem;
+use crate::light::{SunLight, Total, total};
+use crate::sky::{SkyView, sky_view};
+use crate::sun::{Bearing, Site};
+use crate::surface::CitySurface;
+use crate::tally::{Sum, Tally};
+use crate::walls::WallPoint;
+use crate::weather::WeatherYear;
 use chrono::{Datelike, NaiveDate};
 use glam::DVec3;
 
@@ -177,7 +175,8 @@ fn square(sun: &Bearing) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{test_surface::surface, weather::WeatherHour};
+    use crate::test_surface::surface;
+    use crate::weather::WeatherHour;
 
     const DELFT: Site = Site { latitude_deg: 52.0, longitude_deg: 4.36, north_deg: 0.0 };
 

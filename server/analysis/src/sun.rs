@@ -2,10 +2,10 @@
 
 use crate::clock::{Moment, TimeSystem};
 use chrono::NaiveDate;
-use insula_protocol::{Manifest, manifest::GeoLocation};
-use insula_viewer::sun::true_bearing;
-
+use insula_protocol::Manifest;
+use insula_protocol::manifest::GeoLocation;
 pub use insula_viewer::sun::Bearing;
+use insula_viewer::sun::true_bearing;
 
 /// Where a city lies on Earth.
 #[derive(Debug, Clone, Copy, PartialEq)]

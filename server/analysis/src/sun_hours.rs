@@ -1,16 +1,14 @@
 //! Hours of sun on every roof, on the ground and on the walls of a city, by a rule.
 
-use crate::{
-    light::{SunLight, Total, facing, total},
-    probable::day_weights,
-    raster::Raster,
-    rule::{CountMode, DayMode, Rule},
-    sun::{Bearing, Site},
-    surface::CitySurface,
-    sweep::{Heading, Shadows, TOLERANCE_M, sweep_shadows},
-    tally::{Count, LitRun, Tally},
-    walls::{WallPoint, wall_points},
-};
+use crate::light::{SunLight, Total, facing, total};
+use crate::probable::day_weights;
+use crate::raster::Raster;
+use crate::rule::{CountMode, DayMode, Rule};
+use crate::sun::{Bearing, Site};
+use crate::surface::CitySurface;
+use crate::sweep::{Heading, Shadows, TOLERANCE_M, sweep_shadows};
+use crate::tally::{Count, LitRun, Tally};
+use crate::walls::{WallPoint, wall_points};
 
 /// Hours of sun, or what else a rule measures.
 #[derive(Debug, Clone)]

@@ -1,15 +1,15 @@
 //! The surface of a city as analyses see it: the top of each cell, and the object that it belongs to.
 
-use crate::{kinds::Kinds, raster::Raster};
-use insula_export::{
-    leaves::LeafObjects,
-    raster::{CellExtent, visit_tops},
-    selection::ObjectSelection,
-    source::ExportSource,
-    table::ExportError,
-};
+use crate::kinds::Kinds;
+use crate::raster::Raster;
+use insula_export::leaves::LeafObjects;
+use insula_export::raster::{CellExtent, visit_tops};
+use insula_export::selection::ObjectSelection;
+use insula_export::source::ExportSource;
+use insula_export::table::ExportError;
 use insula_objects::FeatureKind;
-use insula_protocol::{mesh_tile::NO_OBJECT, octahedral};
+use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::octahedral;
 use std::collections::{BTreeMap, HashMap};
 
 /// Most cells of one analysis. They are in memory, with about 25 bytes each.

@@ -2,10 +2,8 @@
 
 use crate::surface::{Building, CitySurface, TopKind};
 use insula_export::table::csv_cell;
-use std::{
-    collections::HashMap,
-    io::{self, Write},
-};
+use std::collections::HashMap;
+use std::io::{self, Write};
 
 /// A view that is to stay free: a corridor from a viewpoint to a target, which widens evenly, and a plane from the one's height to the
 /// other's.
@@ -127,7 +125,8 @@ pub fn write_table(breaches: &[Breach<'_>], out: impl Write) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{proposal::Addition, test_surface::surface};
+    use crate::proposal::Addition;
+    use crate::test_surface::surface;
 
     /// From 30 m at (1000, 2020) to 10 m at (1200, 2020): the plane sinks by 1 m in 10. A house of 25 m at half of the way, where the plane is
     /// at 20 m, and the corridor 10 m wide.

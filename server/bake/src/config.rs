@@ -1,25 +1,20 @@
 //! The options of a bake: [`BakeOptions`] as given, `BakeConfig` as validated.
 
-use std::path::{Path, PathBuf};
-
-use insula_objects::Labels;
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::Quality,
-    manifest::{self, Attribution, MAX_TEXT_BYTES},
-    tile,
-};
-use rayon::{ThreadPool, ThreadPoolBuilder};
-use serde::Serialize;
-use serde_json::Value;
-
 use crate::error::BakeError;
 use crate::ground::GroundOption;
 use crate::read::{FACADE_ALGORITHM, FacadeOption, NamePatterns, ReadOptions, named_paths};
 use crate::sample::SampleSettings;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::{ground, hash, mesh};
+use insula_objects::Labels;
+use insula_protocol::blockmap::Quality;
+use insula_protocol::manifest::{self, Attribution, MAX_TEXT_BYTES};
+use insula_protocol::{NODE_CELLS, tile};
 use insula_source::source::read_file;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::Serialize;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 /// Increased whenever the same scene and settings would give different tiles than before.
 pub const ALGORITHM: u32 = 15;

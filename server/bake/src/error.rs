@@ -1,15 +1,11 @@
 //! Why a bake failed. Every error is one line that says what failed, where, and what to do.
 
-use std::{
-    io,
-    path::{Path, PathBuf},
-};
-
+use crate::kept_work::has_kept_work;
 use insula_protocol::{DecodeError, TileId};
 use insula_scratch::error::ScratchError;
 pub use insula_source::error::InputError;
-
-use crate::kept_work::has_kept_work;
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// An error that ends the bake. The output folder is then unchanged, and finished work stays in its `.partial` folder.
 #[derive(Debug, thiserror::Error)]

@@ -1,9 +1,7 @@
 //! Where an interrupted bake keeps its work.
 
-use std::{
-    ffi::OsString,
-    path::{Path, PathBuf},
-};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 /// Name of the file in the scratch folder that says what its packs are made from. Without it they are not reused.
 pub(crate) const STATE_FILE: &str = "state.json";

@@ -1,12 +1,15 @@
 //! The report of a bake: counts, sizes and times. Written by `bake --report FILE.json` and summarised by the command.
 
-use std::{collections::BTreeMap, time::Instant};
-
-use insula_protocol::{Manifest, manifest::CityCounts, subtree::MeshLod};
-use serde::Serialize;
-
+use crate::ground::GroundReport;
+use crate::read::ReadReport;
+use crate::scene::grid::CityGrid;
 pub use crate::write::scratch_folder::ResumeStatus;
-use crate::{ground::GroundReport, read::ReadReport, scene::grid::CityGrid};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::CityCounts;
+use insula_protocol::subtree::MeshLod;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::time::Instant;
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]

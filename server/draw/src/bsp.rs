@@ -7,11 +7,9 @@
 //! Large sets are divided by planes parallel to the axes, as in a k-d tree ("Axis Aligned BSP Tree"). Small sets are divided by the
 //! plane of one of their faces. Of several planes, the one with few splits and equal parts is taken.
 
-use crate::{
-    error::{DrawError, DrawProgress, DrawStep, advance},
-    face::{FACE_BYTES, Face, FacePlane, ON_PLANE_M, Side, bounds_of},
-    volume::ViewVolume,
-};
+use crate::error::{DrawError, DrawProgress, DrawStep, advance};
+use crate::face::{FACE_BYTES, Face, FacePlane, ON_PLANE_M, Side, bounds_of};
+use crate::volume::ViewVolume;
 use glam::DVec3;
 
 /// Sets of more faces are divided by planes parallel to the axes.

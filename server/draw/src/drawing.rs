@@ -1,12 +1,10 @@
 //! A finished drawing, which the writers of files put on paper.
 
-use crate::{
-    convex::PagePoint,
-    join::Rings,
-    lines::LineRole,
-    style::Rgb,
-    view::{MetreFrame, PaperGrid, PaperRect},
-};
+use crate::convex::PagePoint;
+use crate::join::Rings;
+use crate::lines::LineRole;
+use crate::style::Rgb;
+use crate::view::{MetreFrame, PaperGrid, PaperRect};
 use insula_objects::FeatureKind;
 
 /// Shapes and lines on a sheet of paper.

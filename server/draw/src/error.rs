@@ -1,6 +1,7 @@
 //! Why a drawing failed.
 
-use insula_export::{source::SourceError, table::ExportError};
+use insula_export::source::SourceError;
+use insula_export::table::ExportError;
 use std::path::PathBuf;
 
 /// Why a drawing failed. Nothing is written then.

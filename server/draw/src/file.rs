@@ -1,11 +1,14 @@
 //! Files of drawings.
 
-use crate::{drawing::Drawing, dxf::to_dxf, error::DrawError, pdf::to_pdf, svg::to_svg};
+use crate::drawing::Drawing;
+use crate::dxf::to_dxf;
+use crate::error::DrawError;
+use crate::pdf::to_pdf;
+pub use crate::pdf::{PdfLetters, pdf_letters};
+use crate::svg::to_svg;
 use insula_archive::new_file::replace;
 use serde::Deserialize;
 use std::path::Path;
-
-pub use crate::pdf::{PdfLetters, pdf_letters};
 
 /// A format of drawings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

@@ -1,6 +1,8 @@
 //! Hatching: parallel lines inside a shape.
 
-use crate::{convex::PagePoint, join::Rings, style::Hatch};
+use crate::convex::PagePoint;
+use crate::join::Rings;
+use crate::style::Hatch;
 
 /// Most lines across a shape; a denser hatching is left out.
 const MAX_LINES: f64 = 20_000.0;

@@ -1,18 +1,12 @@
 //! Joins the visible parts of surfaces to shapes: the union of those of one object and colour.
 
-use crate::{
-    convex::PagePoint,
-    error::{DrawError, DrawProgress, DrawStep, advance},
-};
-use i_overlay::{
-    core::{
-        fill_rule::FillRule,
-        overlay::{IntOverlayOptions, Overlay, ShapeType},
-        overlay_rule::OverlayRule,
-        solver::Solver,
-    },
-    i_shape::int::shape::IntShapes,
-};
+use crate::convex::PagePoint;
+use crate::error::{DrawError, DrawProgress, DrawStep, advance};
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::core::solver::Solver;
+use i_overlay::i_shape::int::shape::IntShapes;
 use insula_export::rings::{is_sliver, tidy};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,10 +1,8 @@
 //! The legend of colours by an attribute, in the upper left corner of the frame.
 
-use crate::{
-    drawing::{SheetItem, TextAnchor},
-    style::Rgb,
-    view::PaperRect,
-};
+use crate::drawing::{SheetItem, TextAnchor};
+use crate::style::Rgb;
+use crate::view::PaperRect;
 use insula_objects::Legend;
 use std::collections::HashSet;
 

@@ -3,12 +3,10 @@
 //! A part of a surface knows which of its borders are edges of the mesh. So the visible parts of edges come with those of surfaces,
 //! by the same arithmetic: no line can be hidden where its surface is seen, or the other way round.
 
-use crate::{
-    bsp::Eye,
-    convex::{Convex, PagePoint},
-    face::NO_EDGE,
-    scene::{DrawnScene, SceneEdge},
-};
+use crate::bsp::Eye;
+use crate::convex::{Convex, PagePoint};
+use crate::face::NO_EDGE;
+use crate::scene::{DrawnScene, SceneEdge};
 use std::collections::HashMap;
 
 /// Ends of two parts of a line that are this near are one point, in units.

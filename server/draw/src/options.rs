@@ -1,24 +1,18 @@
 //! What is drawn, as JSON: the options of `insula draw` for clients of a server.
 
-use crate::{
-    error::DrawError,
-    file::DrawingFormat,
-    limits::DrawLimits,
-    paint::over_heights,
-    request::DrawRequest,
-    sheet::Paper,
-    style::{Stylesheet, parse_look},
-    view::DrawView,
-};
-use insula_export::{
-    camera::ExportCamera,
-    selection::{ObjectSelection, passing},
-    source::ExportSource,
-};
-use insula_objects::{
-    ColorBy,
-    filter::{Filter, MAX_FILTER_BYTES},
-};
+use crate::error::DrawError;
+use crate::file::DrawingFormat;
+use crate::limits::DrawLimits;
+use crate::paint::over_heights;
+use crate::request::DrawRequest;
+use crate::sheet::Paper;
+use crate::style::{Stylesheet, parse_look};
+use crate::view::DrawView;
+use insula_export::camera::ExportCamera;
+use insula_export::selection::{ObjectSelection, passing};
+use insula_export::source::ExportSource;
+use insula_objects::ColorBy;
+use insula_objects::filter::{Filter, MAX_FILTER_BYTES};
 use insula_protocol::area::requested_area;
 use serde::Deserialize;
 

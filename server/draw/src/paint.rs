@@ -1,13 +1,12 @@
 //! Colours of objects by an attribute.
 
-use crate::{error::DrawError, style::Rgb};
-use insula_export::{
-    leaves::LeafObject,
-    source::{ExportSource, SourceError},
-};
-use insula_objects::{
-    BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value, color::sampled_blocks, family::of_largest_numbers,
-};
+use crate::error::DrawError;
+use crate::style::Rgb;
+use insula_export::leaves::LeafObject;
+use insula_export::source::{ExportSource, SourceError};
+use insula_objects::color::sampled_blocks;
+use insula_objects::family::of_largest_numbers;
+use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap, HashSet};
 

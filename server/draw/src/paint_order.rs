@@ -5,11 +5,9 @@
 //! is behind it is. Where shapes are in front of each other in turn, or a shape is in front of itself, its planes are painted one by
 //! one, and faces where planes do not help either.
 
-use crate::{
-    convex::{PagePoint, PageRect, shared_area},
-    error::DrawError,
-    warnock::{PagePolygon, VisiblePart},
-};
+use crate::convex::{PagePoint, PageRect, shared_area};
+use crate::error::DrawError;
+use crate::warnock::{PagePolygon, VisiblePart};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 

@@ -1,13 +1,11 @@
 //! A part of a city, read and sorted once for all views of it.
 
-use crate::{
-    bsp::{BspTree, Eye, TreeWalk},
-    error::{DrawError, DrawProgress},
-    face::{Face, FacePlane, bounds_of},
-    request::DrawRequest,
-    scene::{DrawnScene, clip, turned},
-    volume::ViewVolume,
-};
+use crate::bsp::{BspTree, Eye, TreeWalk};
+use crate::error::{DrawError, DrawProgress};
+use crate::face::{Face, FacePlane, bounds_of};
+use crate::request::DrawRequest;
+use crate::scene::{DrawnScene, clip, turned};
+use crate::volume::ViewVolume;
 use glam::DVec3;
 use insula_export::source::ExportSource;
 use std::sync::{Mutex, MutexGuard, PoisonError};

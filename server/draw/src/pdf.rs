@@ -2,19 +2,15 @@
 
 mod text;
 
-pub use text::PdfLetters;
-
-use crate::{
-    drawing::{Drawing, DrawnObject, DrawnShape, MapPicture, ShapeRole, SheetItem, TextAnchor},
-    lines::LineRole,
-    style::Rgb,
-};
-use flate2::{Compression, write::ZlibEncoder};
-use pdf_writer::{
-    Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr,
-    types::{LineCapStyle, LineJoinStyle},
-};
+use crate::drawing::{Drawing, DrawnObject, DrawnShape, MapPicture, ShapeRole, SheetItem, TextAnchor};
+use crate::lines::LineRole;
+use crate::style::Rgb;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use pdf_writer::types::{LineCapStyle, LineJoinStyle};
+use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 use std::io::Write;
+pub use text::PdfLetters;
 use text::TextFonts;
 
 const PT_PER_MM: f64 = 72.0 / 25.4;

@@ -1,10 +1,8 @@
 //! Pictures of values over the surfaces of a plan.
 
-use crate::{
-    drawing::{Drawing, MapPicture, SheetItem},
-    legend::{legend_items, note_items},
-    view::PaperRect,
-};
+use crate::drawing::{Drawing, MapPicture, SheetItem};
+use crate::legend::{legend_items, note_items};
+use crate::view::PaperRect;
 use insula_objects::Legend;
 
 /// Values as colours.

@@ -1,31 +1,30 @@
 //! Makes a drawing: reads the scene, sorts the faces that a view shows, removes hidden parts, and joins the visible ones.
 
-use crate::{
-    convex::{Convex, PagePoint, PageRect},
-    drawing::{Drawing, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
-    error::{DrawError, DrawProgress, DrawStep, advance},
-    face::Face,
-    hatch::hatched,
-    join::{Rings, unions},
-    legend::{legend_items, visible_legend},
-    lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
-    paint::attribute_colors,
-    paint_order::coats,
-    part::DrawnPart,
-    request::{DrawRequest, LOD_ERROR_MM},
-    scene::DrawnScene,
-    shadow::{plane_key, shadows},
-    sheet::{TitleBlock, sheet_items},
-    style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
-    terrain::refine_terrain,
-    tone::{Tones, towards_sun},
-    view::{DrawView, PaperGrid, Projection, ViewAxes},
-    volume::ViewVolume,
-    warnock::{PagePolygon, VisiblePart, visible_parts},
-};
+use crate::convex::{Convex, PagePoint, PageRect};
+use crate::drawing::{Drawing, DrawnLine, DrawnObject, DrawnShape, ShapeRole};
+use crate::error::{DrawError, DrawProgress, DrawStep, advance};
+use crate::face::Face;
+use crate::hatch::hatched;
+use crate::join::{Rings, unions};
+use crate::legend::{legend_items, visible_legend};
+use crate::lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines};
+use crate::paint::attribute_colors;
+use crate::paint_order::coats;
+use crate::part::DrawnPart;
+use crate::request::{DrawRequest, LOD_ERROR_MM};
+use crate::scene::DrawnScene;
+use crate::shadow::{plane_key, shadows};
+use crate::sheet::{TitleBlock, sheet_items};
+use crate::style::{FillMode, Rgb, Stylesheet, kind_name, parse_color};
+use crate::terrain::refine_terrain;
+use crate::tone::{Tones, towards_sun};
+use crate::view::{DrawView, PaperGrid, Projection, ViewAxes};
+use crate::volume::ViewVolume;
+use crate::warnock::{PagePolygon, VisiblePart, visible_parts};
 use insula_export::source::ExportSource;
 use insula_objects::FeatureKind;
-use insula_protocol::{mesh_tile::NO_OBJECT, text::at_most};
+use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::text::at_most;
 use std::collections::{BTreeMap, HashSet};
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.

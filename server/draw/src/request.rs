@@ -1,6 +1,10 @@
 //! What is drawn and how.
 
-use crate::{error::DrawError, limits::DrawLimits, sheet::Paper, style::Stylesheet, view::DrawView};
+use crate::error::DrawError;
+use crate::limits::DrawLimits;
+use crate::sheet::Paper;
+use crate::style::Stylesheet;
+use crate::view::DrawView;
 use insula_export::selection::ObjectSelection;
 use insula_objects::ColorBy;
 

@@ -1,17 +1,15 @@
 //! The surfaces of a part of a city, with names for their edges.
 
-use crate::{
-    error::{DrawError, DrawProgress, DrawStep, advance},
-    face::{FACE_BYTES, Face, FacePlane, NO_EDGE},
-};
+use crate::error::{DrawError, DrawProgress, DrawStep, advance};
+use crate::face::{FACE_BYTES, Face, FacePlane, NO_EDGE};
 use glam::DVec3;
-use insula_export::{
-    leaves::{LeafObject, LeafObjects, LeafSurfaces, is_land, visit_leaf_meshes},
-    selection::ObjectSelection,
-    source::ExportSource,
-};
-use insula_protocol::{TileId, mesh_tile::NO_OBJECT};
-use std::{collections::HashMap, hash::Hash};
+use insula_export::leaves::{LeafObject, LeafObjects, LeafSurfaces, is_land, visit_leaf_meshes};
+use insula_export::selection::ObjectSelection;
+use insula_export::source::ExportSource;
+use insula_protocol::TileId;
+use insula_protocol::mesh_tile::NO_OBJECT;
+use std::collections::HashMap;
+use std::hash::Hash;
 
 /// Surfaces of a part of a city.
 #[derive(Debug, Default)]

@@ -3,19 +3,17 @@
 //! What the sun sees is lit: the visible parts of surfaces in a view from the sun. The shadows of a plane are its visible parts in the
 //! drawing without its lit parts. Faces that are turned away from the sun have no shadows; their colour shows it.
 
-use crate::{
-    bsp::Eye,
-    convex::{Convex, PagePoint, PageRect},
-    error::{DrawError, DrawProgress},
-    face::{Face, FacePlane, NO_EDGE},
-    join::{Rings, difference, unions, without_narrow},
-    limits::DrawLimits,
-    part::DrawnPart,
-    scene::{DrawnScene, clip},
-    view::{PaperGrid, PaperRect, Projection, ViewAxes},
-    volume::ViewVolume,
-    warnock::{PagePolygon, visible_parts},
-};
+use crate::bsp::Eye;
+use crate::convex::{Convex, PagePoint, PageRect};
+use crate::error::{DrawError, DrawProgress};
+use crate::face::{Face, FacePlane, NO_EDGE};
+use crate::join::{Rings, difference, unions, without_narrow};
+use crate::limits::DrawLimits;
+use crate::part::DrawnPart;
+use crate::scene::{DrawnScene, clip};
+use crate::view::{PaperGrid, PaperRect, Projection, ViewAxes};
+use crate::volume::ViewVolume;
+use crate::warnock::{PagePolygon, visible_parts};
 use glam::{DVec2, DVec3};
 use insula_objects::FeatureKind;
 use rayon::prelude::*;

@@ -1,10 +1,8 @@
 //! The sheet around a drawing: frame, title block, scale bar and north arrow.
 
-use crate::{
-    drawing::{SheetItem, TextAnchor},
-    error::DrawError,
-    view::{PaperRect, Projection},
-};
+use crate::drawing::{SheetItem, TextAnchor};
+use crate::error::DrawError;
+use crate::view::{PaperRect, Projection};
 use glam::{DVec2, DVec3};
 
 /// Smallest and largest side of a paper in millimetres.

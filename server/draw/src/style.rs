@@ -3,7 +3,8 @@
 use crate::error::DrawError;
 use insula_objects::FeatureKind;
 use insula_shaders::look::Look;
-use serde::{Deserialize, Deserializer, de::Error};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 
 /// A colour, red, green, blue.

@@ -1,11 +1,10 @@
 //! Drawings as SVG. Coordinates are whole micrometres.
 
-use crate::{
-    drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
-    lines::LineRole,
-    style::{color_text, kind_name},
-};
-use std::{collections::BTreeMap, fmt::Write};
+use crate::drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor};
+use crate::lines::LineRole;
+use crate::style::{color_text, kind_name};
+use std::collections::BTreeMap;
+use std::fmt::Write;
 
 const UM_PER_MM: f64 = 1000.0;
 

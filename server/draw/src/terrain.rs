@@ -3,11 +3,9 @@
 //! A city's meshes have terrain of one largest error everywhere. A drawing needs it near the eye only, and less in plans. The terrain's triangles are sampled on a grid, from which a mesh for the view is made. Where a grid cannot hold them
 //! within the drawing's error, they stay: terrain with walls and breaks finer than the grid, or with a border inside of the area.
 
-use crate::{
-    face::Face,
-    scene::{DrawnScene, SceneMesh},
-    view::Projection,
-};
+use crate::face::Face;
+use crate::scene::{DrawnScene, SceneMesh};
+use crate::view::Projection;
 use glam::{DVec2, Vec3};
 use insula_objects::FeatureKind;
 use insula_roam::{ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace};
@@ -104,10 +102,8 @@ fn mesh(faces: &[&Face], error: &PaperError, error_mm: f64) -> Option<SceneMesh>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        face::{FacePlane, NO_EDGE},
-        view::{DrawView, PaperRect, ViewAxes},
-    };
+    use crate::face::{FacePlane, NO_EDGE};
+    use crate::view::{DrawView, PaperRect, ViewAxes};
     use glam::DVec3;
     use insula_export::leaves::LeafObject;
 

@@ -1,19 +1,15 @@
 //! Colours of shapes by kind, light or object.
 
-use crate::{
-    face::FacePlane,
-    style::{FillMode, Rgb, Stylesheet},
-};
+use crate::face::FacePlane;
+use crate::style::{FillMode, Rgb, Stylesheet};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use insula_export::leaves::{LeafObject, is_land};
 use insula_protocol::mesh_tile::NO_OBJECT;
-use insula_shaders::{
-    cpu::shade::{SurfaceSample, linear_of, shade},
-    layout::{FrameUniform, Light, Shading},
-    light::Air,
-    tone::graded_colour,
-};
+use insula_shaders::cpu::shade::{SurfaceSample, linear_of, shade};
+use insula_shaders::layout::{FrameUniform, Light, Shading};
+use insula_shaders::light::Air;
+use insula_shaders::tone::graded_colour;
 
 /// Steps of light. Faces of one step have one colour, so that they are one shape.
 const STEPS: f32 = 24.0;

@@ -1,12 +1,10 @@
 //! From points of the scene to places on the page.
 
-use crate::{
-    bsp::Eye,
-    convex::{PagePoint, PageRect},
-    error::DrawError,
-    face::FacePlane,
-    volume::ViewVolume,
-};
+use crate::bsp::Eye;
+use crate::convex::{PagePoint, PageRect};
+use crate::error::DrawError;
+use crate::face::FacePlane;
+use crate::volume::ViewVolume;
 use glam::{DVec2, DVec3};
 use insula_export::camera::ExportCamera;
 

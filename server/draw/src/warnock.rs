@@ -4,10 +4,8 @@
 //! cuts its border, or is disjoint. The nearest one that covers the cell hides all that follow. A cell with few polygons is resolved
 //! exactly: each polygon without those before it. Another cell is divided into four.
 
-use crate::{
-    convex::{Convex, PagePoint, PageRect},
-    error::{DrawError, DrawProgress, DrawStep, advance},
-};
+use crate::convex::{Convex, PagePoint, PageRect};
+use crate::error::{DrawError, DrawProgress, DrawStep, advance};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -134,14 +132,12 @@ impl Subdivision<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        bsp::{BspTree, Eye, TreeWalk},
-        convex::cross,
-        face::{Face, FacePlane, bounds_of},
-        scene::clip,
-        view::{DrawView, PaperRect, Projection, ViewAxes},
-        volume::ViewVolume,
-    };
+    use crate::bsp::{BspTree, Eye, TreeWalk};
+    use crate::convex::cross;
+    use crate::face::{Face, FacePlane, bounds_of};
+    use crate::scene::clip;
+    use crate::view::{DrawView, PaperRect, Projection, ViewAxes};
+    use crate::volume::ViewVolume;
     use glam::DVec3;
 
     const UNITS: f64 = 1_000_000.0;

@@ -3,15 +3,12 @@
 //! Ear clipping takes quadratic or cubic time for hostile polygons, and its library has no limit. Its type of number is
 //! a parameter, though. Every loop of it subtracts or compares, so the count bounds its time, independent of the machine.
 
-use std::{
-    cell::Cell,
-    cmp::Ordering,
-    num::FpCategory,
-    ops::{Add, Div, Mul, Neg, Rem, Sub},
-    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
-};
-
 use num_traits::{Float, Num, NumCast, One, ToPrimitive, Zero};
+use std::cell::Cell;
+use std::cmp::Ordering;
+use std::num::FpCategory;
+use std::ops::{Add, Div, Mul, Neg, Rem, Sub};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 thread_local! {
     static STEPS_LEFT: Cell<u64> = const { Cell::new(u64::MAX) };

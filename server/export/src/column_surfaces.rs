@@ -1,15 +1,11 @@
 //! Triangles of a node's columns, for nodes that have no mesh: land as one surface, everything else as boxes.
 
-use crate::{
-    boxes::{self, QUARTERS},
-    land_surface::land_of_columns,
-    source::SourceError,
-};
-use insula_protocol::{
-    BlockMap, MeshTile,
-    blockmap::ColumnObjects,
-    mesh::{Mesh, PositionGrid},
-};
+use crate::boxes::{self, QUARTERS};
+use crate::land_surface::land_of_columns;
+use crate::source::SourceError;
+use insula_protocol::blockmap::ColumnObjects;
+use insula_protocol::mesh::{Mesh, PositionGrid};
+use insula_protocol::{BlockMap, MeshTile};
 
 /// The meshes of a node's columns: its land, and boxes of all else. Either may be empty.
 pub(crate) fn column_meshes(map: BlockMap, is_land: &dyn Fn(u32) -> bool) -> Result<[MeshTile; 2], SourceError> {

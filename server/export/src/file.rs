@@ -1,16 +1,11 @@
 //! The entry of all exports of one file.
 
-use crate::{
-    cityjson,
-    format::{Format, Projections},
-    raster,
-    selection::ObjectSelection,
-    source::ExportSource,
-    table::{
-        self, AddedValues, ExportError, ExportReport, TableOptions,
-        city::{City, Plan},
-    },
-};
+use crate::format::{Format, Projections};
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
+use crate::table::city::{City, Plan};
+use crate::table::{self, AddedValues, ExportError, ExportReport, TableOptions};
+use crate::{cityjson, raster};
 use insula_protocol::Manifest;
 use std::path::{Path, PathBuf};
 

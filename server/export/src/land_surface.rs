@@ -1,16 +1,11 @@
 //! Land as a surface with few triangles, in place of the steps that its columns are.
 
-use crate::{
-    boxes::COLOUR_RANGE,
-    geometry::{Geometry, NO_FEATURE, linear},
-    matrix::Matrix,
-};
+use crate::boxes::COLOUR_RANGE;
+use crate::geometry::{Geometry, NO_FEATURE, linear};
+use crate::matrix::Matrix;
 use glam::{DVec2, Vec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{MapColumn, NO_OBJECT},
-    octahedral,
-};
+use insula_protocol::blockmap::{MapColumn, NO_OBJECT};
+use insula_protocol::{BlockMap, NODE_CELLS, octahedral};
 use insula_roam::{HeightField, Place, triangulate};
 use std::collections::BTreeMap;
 
@@ -198,7 +193,8 @@ impl LandSurface {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use insula_protocol::{TileId, blockmap::COLUMNS};
+    use insula_protocol::TileId;
+    use insula_protocol::blockmap::COLUMNS;
 
     /// Columns of 2 m on a plane that rises by 1 in 8 to the east.
     pub(crate) fn slope(is_there: impl Fn(usize, usize) -> bool) -> BlockMap {

@@ -1,19 +1,16 @@
 //! The meshes of a city leaf by leaf, for programs that need its surfaces.
 
-use crate::{
-    column_surfaces,
-    selection::ObjectSelection,
-    source::ExportSource,
-    table::{
-        ExportError,
-        city::City,
-        gather::LeafPositions,
-        grid::node_area,
-        walk::{EndNode, visit_end_nodes},
-    },
-};
+use crate::column_surfaces;
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
+use crate::table::ExportError;
+use crate::table::city::City;
+use crate::table::gather::LeafPositions;
+use crate::table::grid::node_area;
+use crate::table::walk::{EndNode, visit_end_nodes};
 use insula_objects::FeatureKind;
-use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
+use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::{MeshTile, TileId};
 use insula_shaders::mesh::packed_order;
 use std::collections::{BTreeSet, HashMap};
 

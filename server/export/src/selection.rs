@@ -1,10 +1,8 @@
 //! Which part of a city an export has.
 
 use crate::source::{ExportSource, SourceError};
-use insula_objects::{
-    BLOCK_OBJECTS,
-    filter::{Filter, FilterBuilder},
-};
+use insula_objects::BLOCK_OBJECTS;
+use insula_objects::filter::{Filter, FilterBuilder};
 use roaring::RoaringBitmap;
 
 /// The rings of a polygon.

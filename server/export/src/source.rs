@@ -1,6 +1,7 @@
 //! What an export reads: tiles and objects of a city.
 
-use insula_objects::{block::ObjectBlock, schema::Schema};
+use insula_objects::block::ObjectBlock;
+use insula_objects::schema::Schema;
 use insula_protocol::{BlockMap, Manifest, MeshTile, Subtree, TileId};
 
 /// Why a city cannot be read.

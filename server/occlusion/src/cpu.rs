@@ -1,15 +1,14 @@
 //! Occlusion on the CPU: all cores draw and test maps.
 
-use crate::{
-    depth_map::{DepthMap, Projected},
-    directions::ViewPair,
-    prepared::PreparedScene,
-    settings::OcclusionError,
-    sums::OcclusionSums,
-    visibility::{COSINE_SHIFT, project, sees},
-};
+use crate::depth_map::{DepthMap, Projected};
+use crate::directions::ViewPair;
+use crate::prepared::PreparedScene;
+use crate::settings::OcclusionError;
+use crate::sums::OcclusionSums;
+use crate::visibility::{COSINE_SHIFT, project, sees};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU32};
 
 /// Fewer threads work where all of them would take more memory. One always does.
 const MAX_WORK_BYTES: usize = 2 << 30;

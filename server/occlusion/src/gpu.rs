@@ -1,19 +1,13 @@
 //! Occlusion on a GPU: the same whole numbers, by the shaders of `insula-shaders`.
 
-use crate::{
-    directions::{UNIT_SHIFT, ViewPair},
-    prepared::{MapFrame, PreparedScene, SUBTEXEL_BITS},
-    settings::OcclusionError,
-    sums::{COSINE_BITS, OcclusionSums, VertexSum},
-    visibility::{BIAS_PER_SLOPE, BIAS_TEXELS, COSINE_SHIFT, MAX_BIAS_SLOPE, MAX_SLOPE},
-};
-use insula_shaders::{
-    gpu::{
-        GpuError,
-        occlusion::{OcclusionMaps, OcclusionScene},
-    },
-    layout::{OCCLUSION_SPLIT, OcclusionUniform},
-};
+use crate::directions::{UNIT_SHIFT, ViewPair};
+use crate::prepared::{MapFrame, PreparedScene, SUBTEXEL_BITS};
+use crate::settings::OcclusionError;
+use crate::sums::{COSINE_BITS, OcclusionSums, VertexSum};
+use crate::visibility::{BIAS_PER_SLOPE, BIAS_TEXELS, COSINE_SHIFT, MAX_BIAS_SLOPE, MAX_SLOPE};
+use insula_shaders::gpu::GpuError;
+use insula_shaders::gpu::occlusion::{OcclusionMaps, OcclusionScene};
+use insula_shaders::layout::{OCCLUSION_SPLIT, OcclusionUniform};
 
 /// Pairs between two reports of progress.
 const PAIRS_AT_ONCE: usize = 8;

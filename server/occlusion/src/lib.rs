@@ -23,12 +23,11 @@ mod sums;
 mod tests;
 mod visibility;
 
+use prepared::PreparedScene;
 pub use prepared::REACH_RADII;
 pub use settings::{
     MAP_PX, MAX_COORDINATE, MAX_COUNT, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS,
 };
-
-use prepared::PreparedScene;
 
 /// Occlusion of a mesh's vertices, on all threads of the current rayon pool.
 ///

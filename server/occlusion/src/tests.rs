@@ -1,13 +1,16 @@
 //! Known values, error against rays, hostile inputs, threads.
 
-use crate::{MAP_PX, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS, cpu, prepared::PreparedScene};
+use crate::prepared::PreparedScene;
+use crate::{MAP_PX, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS, cpu};
 use glam::{DVec3, Vec3A};
 use insula_test_support::rng::Rng;
-use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, ray::Ray, triangle::Triangle};
-use std::{
-    sync::atomic::{AtomicU32, Ordering::Relaxed},
-    time::Duration,
-};
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 type Positions = Vec<[f64; 3]>;
 type Triangles = Vec<[u32; 3]>;

@@ -1,7 +1,10 @@
 //! Where places of a city's coordinate system are on Earth, for programs that write baked cities in other formats.
 
-use super::crs::{self, Axes, geoid::Geoid};
-use proj4rs::{Proj, adaptors::transform_vertex_2d, transform::transform};
+use super::crs::geoid::Geoid;
+use super::crs::{self, Axes};
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
+use proj4rs::transform::transform;
 
 /// A projected coordinate system by the name that a manifest has.
 pub struct EarthPlace {

@@ -2,14 +2,12 @@
 //!
 //! `statue.glb.place.json` places `statue.glb`: `{"lon": 11.575, "lat": 48.137, "height": 519, "heading": 30, "scale": 0.01}`.
 
-use std::io::ErrorKind;
-
-use serde::Deserialize;
-
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
 use insula_source::remote::is_address;
 use insula_source::source::{CitySource, PLACE_FILE, read_sibling};
+use serde::Deserialize;
+use std::io::ErrorKind;
 
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 64 << 10;

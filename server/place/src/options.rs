@@ -1,8 +1,7 @@
 //! Options of places.
 
-use std::path::PathBuf;
-
 use crate::placement::AxisOrders;
+use std::path::PathBuf;
 
 /// Coordinate systems and places.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,9 +1,7 @@
 //! What goes wrong with scratch files.
 
-use std::{
-    io,
-    path::{Path, PathBuf},
-};
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// A scratch file cannot be used.
 #[derive(Debug, thiserror::Error)]

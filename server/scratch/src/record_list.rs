@@ -3,19 +3,16 @@
 //! A country has tens of millions of objects. The steps that see all of them keep what they know of each in such files, and read
 //! them in order or nearly so.
 
-use std::{
-    fs::File,
-    io::{self, Read, Seek, SeekFrom, Write},
-    num::NonZeroUsize,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
-
+use crate::error::ScratchError;
 use insula_protocol::codec::bincode;
 use lru::LruCache;
-use serde::{Serialize, de::DeserializeOwned};
-
-use crate::error::ScratchError;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Records of a page.
 const PAGE_RECORDS: usize = 512;
@@ -329,7 +326,8 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordPages<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_test_support::{folder::TestFolder, rng::Rng};
+    use insula_test_support::folder::TestFolder;
+    use insula_test_support::rng::Rng;
 
     #[test]
     fn lists_in_files_are_as_those_in_memory() {

@@ -1,18 +1,15 @@
 //! Sorts records in bounded memory: sorted runs in a scratch file, which are merged (Knuth, "The Art of Computer Programming", vol. 3,
 //! 5.4).
 
-use std::{
-    cmp::Ordering,
-    fs::File,
-    io::{Read, Seek, SeekFrom, Write},
-    path::PathBuf,
-};
-
-use insula_protocol::codec::bincode;
-use serde::{Serialize, de::DeserializeOwned};
-
 use crate::error::ScratchError;
 use crate::record_list::RecordScratch;
+use insula_protocol::codec::bincode;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::cmp::Ordering;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::PathBuf;
 
 /// Records that are sorted in memory.
 const RUN_RECORDS: usize = 1 << 14;
@@ -234,7 +231,8 @@ fn damaged() -> ScratchError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_test_support::{folder::TestFolder, rng::Rng};
+    use insula_test_support::folder::TestFolder;
+    use insula_test_support::rng::Rng;
 
     #[test]
     fn records_are_sorted_and_equal_ones_keep_their_order() {

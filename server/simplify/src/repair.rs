@@ -2,11 +2,9 @@
 //!
 //! What cannot be repaired is counted, so that the report can name it.
 
-use std::collections::HashMap;
-
-use glam::DVec3;
-
 use crate::model::TriangleModel;
+use glam::DVec3;
+use std::collections::HashMap;
 
 /// A hole of more edges stays open.
 const MAX_HOLE_EDGES: usize = 16;

@@ -3,19 +3,18 @@
 //! Points spread over one surface, and all its vertices, are compared with the other surface. Lengths are in the unit of the
 //! triangles.
 
-use crate::{model::TriangleModel, triangle_distance::squared_distance};
+use crate::model::TriangleModel;
+use crate::triangle_distance::squared_distance;
 use glam::{DVec3, Vec3A};
-use obvhs::{
-    BvhBuildParams,
-    bvh2::{Bvh2, builder::build_bvh2_from_tris},
-    triangle::Triangle,
-};
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::triangle::Triangle;
 use rayon::prelude::*;
-use std::{
-    collections::HashSet,
-    sync::atomic::{AtomicU64, Ordering::Relaxed},
-    time::Duration,
-};
+use std::collections::HashSet;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 /// Steps of a sequence of points that fill a square evenly (Roberts 2018, "The unreasonable effectiveness of quasirandom
 /// sequences").

@@ -1,18 +1,16 @@
 //! Files of a ZIP archive, read without unpacking it: `.zip`, and the archives of tilesets (`.3tz`) and scene layers (`.slpk`).
 
+use super::file_names::{self, key};
+use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_up_to;
+use crate::error::InputError;
+use flate2::read::DeflateDecoder;
 use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-
-use flate2::read::DeflateDecoder;
 use zip::{CompressionMethod, ZipArchive};
-
-use super::file_names::{self, key};
-use super::input::{LocalFile, SourceFiles};
-use super::random_file::copy_up_to;
-use crate::error::InputError;
 
 /// An archive with more entries is refused: each is in memory.
 const MAX_ENTRIES: usize = 4_000_000;
@@ -205,7 +203,8 @@ mod tests {
     use super::*;
     use insula_test_support::folder::TestFolder;
     use std::io::Write;
-    use zip::{ZipWriter, write::SimpleFileOptions};
+    use zip::ZipWriter;
+    use zip::write::SimpleFileOptions;
 
     fn archive(folder: &TestFolder, entries: &[(&str, &[u8], CompressionMethod)]) -> PathBuf {
         let path = folder.path.join("a.zip");

@@ -1,9 +1,8 @@
 //! Attributes of an object in one typed form for all formats.
 
-use std::fmt;
-
 use glob::{MatchOptions, Pattern};
 use insula_objects::value::{Value, civil_from_days, days_from_civil};
+use std::fmt;
 
 /// Further attributes of an object are left out.
 pub const MAX_ATTRIBUTES: usize = 1024;

@@ -1,9 +1,5 @@
 //! Files in buckets of object stores (`s3://BUCKET/NAME`): one, all below a folder, or those of a pattern.
 
-use std::io::{self, Read};
-use std::rc::Rc;
-use std::sync::Arc;
-
 use super::address_reader::{AddressReader, ListedObject};
 use super::archive::is_archive;
 use super::input::{LocalFile, SourceFiles};
@@ -13,6 +9,9 @@ use super::remote::check_name;
 use super::source::{CitySource, kind_by_name};
 use super::unread_formats;
 use crate::error::InputError;
+use std::io::{self, Read};
+use std::rc::Rc;
+use std::sync::Arc;
 
 /// What an input in a bucket stands for.
 pub enum BucketInput {

@@ -1,8 +1,7 @@
 //! Why the inputs could not be read. Objects that are merely skipped are in the report instead.
 
-use std::path::Path;
-
 use insula_protocol::text::shell_word;
+use std::path::Path;
 
 /// What the parser of JSON says of bytes that are no UTF-8.
 const NOT_UTF8: &str = "invalid unicode code point";

@@ -1,5 +1,8 @@
 //! Files of a folder and files in memory.
 
+use super::file_names::key;
+use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_to_disk;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -7,10 +10,6 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
-
-use super::file_names::key;
-use super::input::{LocalFile, SourceFiles};
-use super::random_file::copy_to_disk;
 
 /// Why a file outside of the source's folder is not read.
 pub const OUTSIDE: &str = "it lies outside of the source's folder; allow its folder with --texture-root";

@@ -1,16 +1,15 @@
 //! Files that readers read.
 
-use std::cell::Cell;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read};
-use std::ops::Range;
-use std::rc::Rc;
-
 use super::packed::{is_packed, unpacked};
 pub use super::random_file::LocalFile;
 use super::random_file::{RandomFile, copy_to_disk};
 use super::text::{START_BYTES, Start};
 use crate::error::InputError;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::ops::Range;
+use std::rc::Rc;
 
 /// Files with a common parent: a source, its siblings and its images. Names are relative to it, with `/`.
 pub trait SourceFiles {

@@ -1,12 +1,11 @@
 //! What every reader makes of a source: objects with geometry and attributes. The bake does the rest alike for all
 //! formats: coordinates to the city's system, triangles, heights of footprints, colours, textures and the report.
 
-use std::rc::Rc;
-
 use super::attributes::Attributes;
 use crate::error::InputError;
 pub use insula_objects::FeatureKind;
 use serde::{Deserialize, Serialize};
+use std::rc::Rc;
 
 /// Kinds of objects that are read.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -1,8 +1,7 @@
 //! Files packed by gzip. Their bytes tell, whatever their names: servers unpack on the way, and browsers keep the packed bytes.
 
-use std::io::{self, BufReader, Cursor, Read};
-
 use flate2::read::MultiGzDecoder;
+use std::io::{self, BufReader, Cursor, Read};
 
 /// First bytes of a file that is packed by gzip.
 const MAGIC: [u8; 3] = [0x1f, 0x8b, 0x08];

@@ -1,17 +1,15 @@
 //! Files that are read in any order: on disk, or in a bucket.
 
+use super::address_reader::AddressReader;
+use super::input_budget::InputBudget;
+use super::temporary::{self, TemporaryFile};
+use bytes::Bytes;
+use lru::LruCache;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-use bytes::Bytes;
-use lru::LruCache;
-
-use super::address_reader::AddressReader;
-use super::input_budget::InputBudget;
-use super::temporary::{self, TemporaryFile};
 
 /// Bytes of one request to a bucket.
 const BLOCK_BYTES: u64 = 4 << 20;

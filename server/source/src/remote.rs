@@ -1,17 +1,15 @@
 //! Files on a web server: a tileset and its tiles, or any other city file.
 
-use std::hash::{DefaultHasher, Hash, Hasher};
-use std::io::{self, Cursor, Read};
-
-use insula_protocol::route::without_secrets;
-use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
-
 use super::address_reader::AddressReader;
 use super::input::{LocalFile, SourceFiles};
 use super::input_budget::InputBudget;
 use super::random_file::copy_to_disk;
 use super::source::{CitySource, kind_by_name};
 use crate::error::InputError;
+use insula_protocol::route::without_secrets;
+use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::{self, Cursor, Read};
 
 /// Larger files are refused: each is in memory.
 const MAX_FILE_BYTES: u64 = 1 << 30;

@@ -1,9 +1,5 @@
 //! Reports what was read, and what was skipped and why.
 
-use std::collections::BTreeMap;
-
-use serde::{Deserialize, Serialize};
-
 use super::attributes::{AttributeValue, Attributes};
 pub use super::made::{FacadeReport, ProposalReport};
 use super::object::FeatureKind;
@@ -11,6 +7,8 @@ use super::problems::{
     CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, GUESSES, INEXACT, LOSSES, MIRRORED, NO_CRS,
     NOT_UNDERSTOOD, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, WIDE,
 };
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// More guessed heights than this share of all are worth a warning.
 const MAX_GUESSED_SHARE: f64 = 0.05;

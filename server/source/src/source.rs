@@ -1,17 +1,15 @@
 //! A city file: its name, its kind, its bytes and its lines.
 
-use std::cell::Cell;
-use std::io::{self, BufRead, Read};
-use std::path::Path;
-use std::rc::Rc;
-
-use insula_archive::file::open_regular;
-
 use super::files::EmbeddedFiles;
 use super::input::{Input, Share, SourceFiles};
 use super::packed::{unpacked, unpacked_name};
 use super::text::in_utf8;
 use crate::error::InputError;
+use insula_archive::file::open_regular;
+use std::cell::Cell;
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+use std::rc::Rc;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
 pub const PLACE_FILE: &str = ".place.json";

@@ -2,7 +2,8 @@
 //!
 //! The name is kept in fixed memory: there is none left when it is needed.
 
-use std::{io::Write, sync::Mutex};
+use std::io::Write;
+use std::sync::Mutex;
 
 /// Longer names are cut.
 const MAX_BYTES: usize = 160;

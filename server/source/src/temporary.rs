@@ -6,7 +6,6 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use tempfile::{Builder, TempDir, TempPath};
 
 /// Prefix of all names.

@@ -1,16 +1,14 @@
 //! What tests of readers need: a sink that keeps everything, files, and packed bytes.
 
-use std::fs::File;
-use std::io::{self, Read, Write};
-use std::path::PathBuf;
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
-
 use super::input::SourceFiles;
 use super::object::{CrsReference, Description, ObjectSink, SourceMaterial, SourceObject};
 use super::random_file::LocalFile;
 use crate::error::InputError;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::PathBuf;
 
 /// Keeps everything.
 #[derive(Debug, Default)]

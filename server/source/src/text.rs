@@ -1,13 +1,11 @@
 //! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write; and lists of words in sources.
 
-use std::borrow::Cow;
-use std::io::{self, BufRead, Cursor, Read};
-
-use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
-
 use super::file_names::east_asian_page;
 use super::packed::unpacked_name;
 use crate::error::InputError;
+use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
+use std::borrow::Cow;
+use std::io::{self, BufRead, Cursor, Read};
 
 /// Extensions of formats that are text without a declaration of its encoding. Those of XML have one, and read it.
 const EXTENSIONS: &[&str] = &split_words::<24>(

@@ -1,15 +1,13 @@
 //! Formats of city models that are not read, and the program that converts each.
 
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
-use std::path::Path;
-
+use crate::error::InputError;
+use crate::source::{SourceKind, kind_by_name};
 use flate2::read::GzDecoder;
 use insula_archive::file::open_regular;
 use insula_protocol::text::shell_word;
-
-use crate::error::InputError;
-use crate::source::{SourceKind, kind_by_name};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
 
 /// How a file becomes one that is read.
 enum Conversion {

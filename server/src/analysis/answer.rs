@@ -1,17 +1,15 @@
 //! What an analysis answers: values of a surface, and what they say.
 
-use insula_analysis::{
-    buildings::PlaceValues,
-    clock::Moment,
-    rule::{DayMode, Measure, Rule},
-    sky::sky_view,
-    solar::{YearOfSky, solar_year},
-    sun::{Bearing, Site},
-    sun_hours::{shadow, sun_hours},
-    surface::CitySurface,
-    walls::WallPoint,
-    weather::WeatherYear,
-};
+use insula_analysis::buildings::PlaceValues;
+use insula_analysis::clock::Moment;
+use insula_analysis::rule::{DayMode, Measure, Rule};
+use insula_analysis::sky::sky_view;
+use insula_analysis::solar::{YearOfSky, solar_year};
+use insula_analysis::sun::{Bearing, Site};
+use insula_analysis::sun_hours::{shadow, sun_hours};
+use insula_analysis::surface::CitySurface;
+use insula_analysis::walls::WallPoint;
+use insula_analysis::weather::WeatherYear;
 use insula_export::raster::CellExtent;
 use insula_protocol::text::{count, fixed};
 use serde_json::{Value, json};

@@ -1,14 +1,10 @@
 //! Areas of an answer as polygons of GeoJSON.
 
-use super::{
-    answer::Answer,
-    colors::{Colors, ValueClass, class_of},
-    samples::Samples,
-};
-use insula_analysis::{
-    outlines::{CellPolygon, outlines},
-    surface::CitySurface,
-};
+use super::answer::Answer;
+use super::colors::{Colors, ValueClass, class_of};
+use super::samples::Samples;
+use insula_analysis::outlines::{CellPolygon, outlines};
+use insula_analysis::surface::CitySurface;
 use insula_bake::read::EarthPlace;
 use serde_json::{Value, json};
 

@@ -1,25 +1,19 @@
 //! A question about a part of a city as JSON, as clients of the server ask it, and its answer as GeoJSON.
 
-use super::{
-    answer::{Answer, Progress, grown},
-    colors::Colors,
-    regions::{features, lon_lat},
-    samples::Samples,
-};
+use super::answer::{Answer, Progress, grown};
+use super::colors::Colors;
+use super::regions::{features, lon_lat};
+use super::samples::Samples;
 use crate::args::Analysis;
-use insula_analysis::{
-    buildings::sum_up,
-    clock::{Moment, TimeSystem},
-    rule::Rule,
-    sun::Site,
-    surface::CitySurface,
-};
+use insula_analysis::buildings::sum_up;
+use insula_analysis::clock::{Moment, TimeSystem};
+use insula_analysis::rule::Rule;
+use insula_analysis::sun::Site;
+use insula_analysis::surface::CitySurface;
 use insula_bake::read::EarthPlace;
-use insula_export::{
-    raster::CellExtent,
-    source::ExportSource,
-    table::{ExportError, attribution},
-};
+use insula_export::raster::CellExtent;
+use insula_export::source::ExportSource;
+use insula_export::table::{ExportError, attribution};
 use insula_protocol::area::requested_area;
 use serde::Deserialize;
 use serde_json::json;

@@ -2,7 +2,8 @@
 
 use super::JsonArgs;
 use clap::ValueEnum;
-use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
+use insula_command_line::area::AreaArgs;
+use insula_command_line::output::OverwriteArgs;
 use std::path::PathBuf;
 
 /// What `analyse` computes.

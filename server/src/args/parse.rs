@@ -2,8 +2,11 @@
 
 use crate::config::{DEFAULT_LISTEN, check_address};
 use insula_archive::city::MANIFEST_FILE;
-use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
-use std::{path::Path, str::FromStr};
+use insula_protocol::TileId;
+use insula_protocol::blockmap::Quality;
+use insula_protocol::manifest::is_name;
+use std::path::Path;
+use std::str::FromStr;
 
 /// Longitude and latitude in degrees, height in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,12 +2,11 @@
 
 use super::JsonArgs;
 use super::parse::{parse_signed_city, parse_site_address};
-use crate::{
-    config::PublicUrl,
-    share_link::{parse_lifetime, parse_version},
-};
+use crate::config::PublicUrl;
+use crate::share_link::{parse_lifetime, parse_version};
 use insula_command_line::area::AreaArgs;
-use std::{path::PathBuf, time::Duration};
+use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Debug, clap::Args)]
 #[command(

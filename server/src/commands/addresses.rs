@@ -1,22 +1,22 @@
 //! Reads city files from web servers and buckets for `bake` and `inspect`.
 
-use super::{
-    bucket_client::{MAX_OBJECTS, RefusedKeys, list_of},
-    work_store::{io_error, open_bucket},
-};
+use super::bucket_client::{MAX_OBJECTS, RefusedKeys, list_of};
+use super::work_store::{io_error, open_bucket};
 use futures_util::StreamExt;
 use insula_bake::read::{AddressReader, ListedObject};
 use insula_command_line::http::{self, Elsewhere, Redirects};
 use insula_protocol::route::{host_of, without_secrets};
-use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _, aws::AmazonS3, path::Path as ObjectPath};
-use reqwest::{StatusCode, header::LOCATION};
-use std::{
-    cell::RefCell,
-    collections::{HashMap, hash_map::Entry},
-    io,
-    ops::Range,
-    time::{Duration, Instant},
-};
+use object_store::aws::AmazonS3;
+use object_store::path::Path as ObjectPath;
+use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _};
+use reqwest::StatusCode;
+use reqwest::header::LOCATION;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::io;
+use std::ops::Range;
+use std::time::{Duration, Instant};
 
 /// Time to connect, and between two parts of a response.
 const TIMEOUT: Duration = Duration::from_secs(30);

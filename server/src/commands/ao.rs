@@ -1,10 +1,8 @@
 //! `ao`: ambient occlusion of a mesh file.
 
-use super::{
-    error::CommandError,
-    mesh::{mesh_error, read_model, with_spinner},
-    output::{check_output, print_result, write},
-};
+use super::error::CommandError;
+use super::mesh::{mesh_error, read_model, with_spinner};
+use super::output::{check_output, print_result, write};
 use crate::args::AoArgs;
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_command_line::output::FileKind;

@@ -1,39 +1,32 @@
 //! `bake`: turns city files into a city folder, with a progress bar on a terminal.
 
-use super::{
-    addresses::Addresses,
-    bake_progress::BakeProgress,
-    error::CommandError,
-    output::{print_result, write},
+use super::addresses::Addresses;
+use super::bake_progress::BakeProgress;
+use super::error::CommandError;
+use super::output::{print_result, write};
+use crate::args::{
+    BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer,
 };
-use crate::{
-    args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
-    labels, memory,
-    proposal::Proposal,
-    store::{CityStore, StoredCity, StoredObjects},
+use crate::proposal::Proposal;
+use crate::store::{CityStore, StoredCity, StoredObjects};
+use crate::{labels, memory};
+use insula_archive::file::read_text;
+use insula_archive::places::canonical;
+use insula_bake::read::{
+    AxisOrders, AxisRule, DuplicateOption, EarthPlace, FacadeOption, FeatureKind, HeightUnit, InputError, KindFilter,
+    NamePatterns, ObjUpAxis, Palette, PlacingOptions, ProposalOptions, ReadOptions, ReadReport, SurroundingsOptions,
+    TerrainOptions, cell_of_monument,
 };
-use insula_archive::{file::read_text, places::canonical};
-use insula_bake::{
-    BakeError, BakeOptions, BakeReport, GroundOption,
-    read::{
-        AxisOrders, AxisRule, DuplicateOption, EarthPlace, FacadeOption, FeatureKind, HeightUnit, InputError,
-        KindFilter, NamePatterns, ObjUpAxis, Palette, PlacingOptions, ProposalOptions, ReadOptions, ReadReport,
-        SurroundingsOptions, TerrainOptions, cell_of_monument,
-    },
-    sample::{SampleSettings, VisibilityBackend},
-};
+use insula_bake::sample::{SampleSettings, VisibilityBackend};
+use insula_bake::{BakeError, BakeOptions, BakeReport, GroundOption};
 use insula_command_line::output::{FileKind, Outputs, check_new_folder};
 use insula_objects::schema::Labels;
-use insula_protocol::{
-    manifest::Attribution,
-    text::{count, human_bytes, printable, shell_word},
-};
+use insula_protocol::manifest::Attribution;
+use insula_protocol::text::{count, human_bytes, printable, shell_word};
 use insula_source::problems::REMOVED;
 use serde_json::Value;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Default memory of a bake with scans: a block with a million triangles takes 800 MiB.
 const MEMORY_OF_SCANS: u64 = 1200 << 20;

@@ -2,20 +2,16 @@
 
 use super::interrupt;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use insula_bake::{
-    Progress,
-    kept_work::{has_kept_work, scratch_folder},
-};
+use insula_bake::Progress;
+use insula_bake::kept_work::{has_kept_work, scratch_folder};
 use insula_protocol::route::without_secrets;
 use insula_protocol::text::{printable, shell_word};
-use std::{
-    ffi::OsString,
-    fmt,
-    io::IsTerminal,
-    path::Path,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::{Duration, Instant},
-};
+use std::ffi::OsString;
+use std::fmt;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Progress template of a stage whose length is unknown.
 const SPINNER_TEMPLATE: &str = "{prefix:>10} {spinner} {elapsed}";

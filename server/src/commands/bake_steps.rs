@@ -1,12 +1,15 @@
 //! `bake STEP --work URL`: one step of a bake that many machines run.
 
-use super::{bake, bake_progress::BakeProgress, error::CommandError, output::print, work_store};
-use crate::{
-    args::{Args, BakeArgs, ServerCommand},
-    memory,
-};
+use super::bake_progress::BakeProgress;
+use super::error::CommandError;
+use super::output::print;
+use super::{bake, work_store};
+use crate::args::{Args, BakeArgs, ServerCommand};
+use crate::memory;
 use clap::Parser;
-use insula_archive::{file::read_text, new_file, places::canonical};
+use insula_archive::file::read_text;
+use insula_archive::new_file;
+use insula_archive::places::canonical;
 use insula_bake::{
     AbortedJob, BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job,
     JobRequest, WorkStore, abort,

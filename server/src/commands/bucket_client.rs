@@ -5,21 +5,18 @@
 //! pages before it reads them, and kept for those who report them.
 
 use crate::store::SameHostConnector;
-use futures_util::{Stream, StreamExt, TryStreamExt, future::BoxFuture};
+use futures_util::future::BoxFuture;
+use futures_util::{Stream, StreamExt, TryStreamExt};
 use hyper::header::CONTENT_LENGTH;
-use object_store::{
-    ClientOptions, Result,
-    client::{HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpService},
-    path::Path as ObjectPath,
+use object_store::client::{
+    HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpService,
 };
-use std::{
-    io, mem,
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering},
-    },
-    time::Duration,
-};
+use object_store::path::Path as ObjectPath;
+use object_store::{ClientOptions, Result};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use std::{io, mem};
 
 /// Time limit of a request with its response: a part of 32 MiB, or a page of a list.
 const REQUEST_TIME: Duration = Duration::from_secs(30);

@@ -1,25 +1,17 @@
 //! `changes`: what was built, demolished and changed from one city to another.
 
-use super::{
-    error::CommandError,
-    export::{check_table, plane_of},
-    output::print_result,
-};
-use crate::{
-    args::ChangesArgs,
-    store::{CityStore, StoredCity, StoredObjects},
-};
+use super::error::CommandError;
+use super::export::{check_table, plane_of};
+use super::output::print_result;
+use crate::args::ChangesArgs;
+use crate::store::{CityStore, StoredCity, StoredObjects};
 use insula_bake::read::EarthPlace;
 use insula_command_line::output::Outputs;
-use insula_export::{
-    changes::{ChangeOptions, ChangeReport, manifest_of_both, write_changes},
-    format::Projections,
-    table::ExportError,
-};
-use insula_protocol::{
-    Manifest,
-    text::{count, human_bytes, printable},
-};
+use insula_export::changes::{ChangeOptions, ChangeReport, manifest_of_both, write_changes};
+use insula_export::format::Projections;
+use insula_export::table::ExportError;
+use insula_protocol::Manifest;
+use insula_protocol::text::{count, human_bytes, printable};
 use serde_json::json;
 
 /// Runs `changes`. Fails if a city cannot be read, if both have no coordinate system in common, if the area is beyond both, or if the

@@ -1,22 +1,17 @@
 //! `compare`: how far two surfaces lie from each other, both ways.
 
-use super::{
-    error::CommandError,
-    mesh::{mesh_error, read_model, surface_of, with_spinner},
-    output::{check_output, print_result, write},
-};
-use crate::{
-    args::CompareArgs,
-    store::{CityStore, StoredCity, StoredObjects},
-};
+use super::error::CommandError;
+use super::mesh::{mesh_error, read_model, surface_of, with_spinner};
+use super::output::{check_output, print_result, write};
+use crate::args::CompareArgs;
+use crate::store::{CityStore, StoredCity, StoredObjects};
 use insula_bake::read::{self, PlacingOptions, ReadOptions, named_paths};
 use insula_command_line::output::FileKind;
-use insula_export::{leaves::visit_leaf_meshes, table::ExportError};
+use insula_export::leaves::visit_leaf_meshes;
+use insula_export::table::ExportError;
 use insula_protocol::mesh::AttributeKind;
-use insula_simplify::{
-    model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
-    surface::{Surface, SurfaceDistance},
-};
+use insula_simplify::model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel};
+use insula_simplify::surface::{Surface, SurfaceDistance};
 use serde_json::json;
 use std::path::Path;
 

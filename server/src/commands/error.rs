@@ -1,10 +1,8 @@
 //! Errors of the commands, one line each.
 
-use crate::{
-    config::ConfigError,
-    http::ServeError,
-    store::{ObjectError, SearchFileError, StoreError},
-};
+use crate::config::ConfigError;
+use crate::http::ServeError;
+use crate::store::{ObjectError, SearchFileError, StoreError};
 use insula_protocol::text::count;
 use std::path::PathBuf;
 

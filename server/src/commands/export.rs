@@ -1,36 +1,28 @@
 //! `export`: a baked city, or a part of it, in the formats of other programs.
 
-use super::{error::CommandError, output::print_result, site_documents::NO_PLACE};
-use crate::{
-    area_file::polygons_in_city,
-    args::{ExportArgs, ExportFormat},
-    store::{CityStore, StoredCity, StoredObjects},
-};
+use super::error::CommandError;
+use super::output::print_result;
+use super::site_documents::NO_PLACE;
+use crate::area_file::polygons_in_city;
+use crate::args::{ExportArgs, ExportFormat};
+use crate::store::{CityStore, StoredCity, StoredObjects};
 use insula_analysis::eye::lifted_camera;
-use insula_archive::{
-    file::{read_limited, read_text},
-    new_file::replace,
-};
+use insula_archive::file::{read_limited, read_text};
+use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
-use insula_command_line::{
-    camera::{degrees_fault, inside_note},
-    output::{FileKind, Outputs},
-};
-use insula_export::{
-    camera::ExportCamera,
-    file,
-    format::{Format, PlaneDefinition, Projections},
-    glb::{self, ExportView},
-    selection::{ObjectSelection, SelectedArea, passing},
-    source::{ExportSource, SourceError},
-    table::{ExportReport, TableOptions},
-    tiles3d::{Destination, Tileset, TilesetForm, write_tileset},
-};
+use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::output::{FileKind, Outputs};
+use insula_export::camera::ExportCamera;
+use insula_export::file;
+use insula_export::format::{Format, PlaneDefinition, Projections};
+use insula_export::glb::{self, ExportView};
+use insula_export::selection::{ObjectSelection, SelectedArea, passing};
+use insula_export::source::{ExportSource, SourceError};
+use insula_export::table::{ExportReport, TableOptions};
+use insula_export::tiles3d::{Destination, Tileset, TilesetForm, write_tileset};
 use insula_objects::filter::{Filter, NONE_PASSES};
-use insula_protocol::{
-    Manifest,
-    text::{count, human_bytes, printable},
-};
+use insula_protocol::Manifest;
+use insula_protocol::text::{count, human_bytes, printable};
 use roaring::RoaringBitmap;
 use serde_json::{Value, json};
 use std::path::Path;

@@ -1,25 +1,20 @@
 //! `inspect`: a city's statistics as text or JSON, one node's maps as an image, or its voxels as an image or a mesh.
 
-use super::{
-    error::CommandError,
-    map_image,
-    output::{print, print_json, write},
-    stats::{CityStats, LevelStats, MeshLodStats},
-    volume,
-};
-use crate::{
-    args::InspectArgs,
-    store::{CityStore, StoreError},
-};
+use super::error::CommandError;
+use super::output::{print, print_json, write};
+use super::stats::{CityStats, LevelStats, MeshLodStats};
+use super::{map_image, volume};
+use crate::args::InspectArgs;
+use crate::store::{CityStore, StoreError};
 use image::{ImageFormat, RgbImage};
 use insula_command_line::output::{FileKind, Outputs};
-use insula_protocol::{
-    BlockMap, TileId, TileKind,
-    blockmap::voxels::Voxels,
-    manifest::Attribution,
-    text::{count, human_bytes, printable},
-};
-use std::{fmt::Write, io::Cursor, path::Path};
+use insula_protocol::blockmap::voxels::Voxels;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::text::{count, human_bytes, printable};
+use insula_protocol::{BlockMap, TileId, TileKind};
+use std::fmt::Write;
+use std::io::Cursor;
+use std::path::Path;
 
 /// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {

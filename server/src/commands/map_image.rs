@@ -5,11 +5,9 @@
 //! order, each from bottom to top, in rows of 256 texels).
 
 use image::{Rgb, RgbImage};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel,
-    blockmap::{COLUMNS, flag, strip_rows},
-    texel::AO_MAX,
-};
+use insula_protocol::blockmap::{COLUMNS, flag, strip_rows};
+use insula_protocol::texel::AO_MAX;
+use insula_protocol::{BlockMap, NODE_CELLS, Texel};
 
 /// Side of a texel in pixels.
 const SCALE: u32 = 4;
@@ -94,10 +92,8 @@ pub(super) fn shade(texel: Texel) -> Rgb<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{
-        TileId,
-        blockmap::{MapColumn, WallStrip},
-    };
+    use insula_protocol::TileId;
+    use insula_protocol::blockmap::{MapColumn, WallStrip};
 
     /// Colour of the texel at `x`, `y` of the map whose left edge is at texel `left`.
     fn pixel(image: &RgbImage, left: u32, x: u32, y: u32) -> [u8; 3] {

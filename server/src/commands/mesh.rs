@@ -1,27 +1,20 @@
 //! `compress`, `decompress` and `simplify`: operations on single mesh files.
 
-use super::{
-    error::CommandError,
-    output::{check_output, print_result, write},
-};
+use super::error::CommandError;
+use super::output::{check_output, print_result, write};
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
 use insula_command_line::output::FileKind;
-use insula_protocol::{
-    mesh::{AttributeKind, Mesh, half_edge::RepairReport},
-    text::human_bytes,
-};
-use insula_simplify::{
-    model::{CornerLayer, ModelFormat, TriangleModel, quantise},
-    simplify::{self, Goal},
-    surface::Surface,
-};
+use insula_protocol::mesh::half_edge::RepairReport;
+use insula_protocol::mesh::{AttributeKind, Mesh};
+use insula_protocol::text::human_bytes;
+use insula_simplify::model::{CornerLayer, ModelFormat, TriangleModel, quantise};
+use insula_simplify::simplify::{self, Goal};
+use insula_simplify::surface::Surface;
 use serde_json::json;
-use std::{
-    io::Read,
-    path::Path,
-    time::{Duration, Instant},
-};
+use std::io::Read;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// First bytes of a compressed mesh file. The encoded mesh follows, then its CRC-32 (little-endian).
 const MAGIC: &[u8; 4] = b"INSM";

@@ -43,13 +43,10 @@ mod volume;
 #[cfg(feature = "bake")]
 mod work_store;
 
+use crate::args::{Args, ServerCommand};
+use crate::http::OPENAPI;
 pub use error::CommandError;
 pub use publish::publish_site;
-
-use crate::{
-    args::{Args, ServerCommand},
-    http::OPENAPI,
-};
 
 /// Runs a command. Fails with its error, which [`CommandError::exit_code`] maps to the exit code.
 pub fn run(args: Args) -> Result<(), CommandError> {

@@ -1,13 +1,9 @@
 //! `objects`: what is known of objects, and which attributes a city has.
 
-use super::{
-    error::CommandError,
-    output::{print, print_json},
-};
-use crate::{
-    args::ObjectsArgs,
-    store::{CityStore, StoredObjects},
-};
+use super::error::CommandError;
+use super::output::{print, print_json};
+use crate::args::ObjectsArgs;
+use crate::store::{CityStore, StoredObjects};
 use insula_objects::{AttributeInfo, FeatureKind, NamedValues, ObjectRecord, Schema};
 use insula_protocol::text::{printable, without_sign_of_zero};
 use serde::Serialize;

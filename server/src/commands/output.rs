@@ -7,7 +7,8 @@ use insula_archive::new_file;
 use insula_command_line::output::{FileKind, Outputs, OverwriteArgs};
 use insula_protocol::text::{printable_json, printable_lines};
 use serde_json::Value;
-use std::{io::Write, path::Path};
+use std::io::Write;
+use std::path::Path;
 
 /// Prints lines to standard output, without anything that a terminal obeys. Errors are ignored, so that a closed pipe
 /// (`| head`) does not fail the command.

@@ -12,30 +12,22 @@
 //!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
 //! ```
 
-use super::{
-    error::CommandError,
-    output::print_result,
-    site_documents::{write_documents, write_proposals, write_tileset},
-    site_folder::SiteFolder,
+use super::error::CommandError;
+use super::output::print_result;
+use super::site_documents::{write_documents, write_proposals, write_tileset};
+use super::site_folder::SiteFolder;
+use crate::args::PublishArgs;
+use crate::config::ServeConfig;
+use crate::page::{
+    self, Brand, CityFacts, CityInList, CityLinks, CityListPage, Languages, SERVICE_WORKER_FILE, ViewerAssets,
+    escape_html, list_policy, meta_policy, viewer_policy,
 };
-use crate::{
-    args::PublishArgs,
-    config::ServeConfig,
-    page::{
-        self, Brand, CityFacts, CityInList, CityLinks, CityListPage, Languages, SERVICE_WORKER_FILE, ViewerAssets,
-        escape_html, list_policy, meta_policy, viewer_policy,
-    },
-    store::{CityStore, Store},
-};
-use insula_archive::{
-    city::{MANIFEST_FILE, SEARCH_FILE},
-    places::KeptFolder,
-};
+use crate::store::{CityStore, Store};
+use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
+use insula_archive::places::KeptFolder;
 use insula_command_line::output::Outputs;
-use insula_protocol::{
-    route::{THUMBNAIL_FILE, without_secrets},
-    text::{count, human_bytes},
-};
+use insula_protocol::route::{THUMBNAIL_FILE, without_secrets};
+use insula_protocol::text::{count, human_bytes};
 use std::sync::Arc;
 
 /// What many hosts of files answer for an address that leads to no file.

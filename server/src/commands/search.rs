@@ -1,14 +1,11 @@
 //! `search`: objects by their texts.
 
-use super::{
-    error::CommandError,
-    output::{print, print_json},
-};
-use crate::{
-    args::SearchArgs,
-    store::{CityStore, StoredObjects},
-};
-use insula_objects::{FeatureKind, search::SearchHit};
+use super::error::CommandError;
+use super::output::{print, print_json};
+use crate::args::SearchArgs;
+use crate::store::{CityStore, StoredObjects};
+use insula_objects::FeatureKind;
+use insula_objects::search::SearchHit;
 use insula_protocol::text::printable;
 use serde::Serialize;
 use std::fmt::Write;

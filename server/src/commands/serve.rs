@@ -1,16 +1,17 @@
 //! `serve`: serves cities on a port until a signal.
 
-use super::{error::CommandError, output::print};
-use crate::{
-    args::ServeArgs,
-    config::{LogFormat, ServeConfig, environment},
-    http::HttpServer,
-    store::Store,
-};
-use insula_archive::{open_files::set_most_open_files, resident_directories::set_most_directory_bytes};
+use super::error::CommandError;
+use super::output::print;
+use crate::args::ServeArgs;
+use crate::config::{LogFormat, ServeConfig, environment};
+use crate::http::HttpServer;
+use crate::store::Store;
+use insula_archive::open_files::set_most_open_files;
+use insula_archive::resident_directories::set_most_directory_bytes;
 use insula_command_line::log;
 use std::sync::Arc;
-use tokio::{net::TcpListener, sync::Notify};
+use tokio::net::TcpListener;
+use tokio::sync::Notify;
 
 /// Files of cities that are open at the same time, where the system sets no lower limit.
 const MOST_CITY_FILES: usize = 1 << 16;

@@ -1,22 +1,21 @@
 //! `sign`: prints a link that opens a private city for a time.
 
-use super::{error::CommandError, output::print_result};
-use crate::{
-    args::SignArgs,
-    config::{PublicUrl, ServeConfig, environment},
-    share_link::{PARAMETER, ShareGrant, ShareKeys, ShareScope, area_mm},
-    store::CityStore,
-};
+use super::error::CommandError;
+use super::output::print_result;
+use crate::args::SignArgs;
+use crate::config::{PublicUrl, ServeConfig, environment};
+use crate::share_link::{PARAMETER, ShareGrant, ShareKeys, ShareScope, area_mm};
+use crate::store::CityStore;
 use insula_archive::city::MANIFEST_FILE;
 #[cfg(feature = "bake")]
 use insula_bake::read::EarthPlace;
 use insula_command_line::area::AreaArgs;
-use insula_protocol::{Manifest, manifest::is_name, route, text::printable};
+use insula_protocol::manifest::is_name;
+use insula_protocol::text::printable;
+use insula_protocol::{Manifest, route};
 use serde_json::json;
-use std::{
-    path::Path,
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Where `serve` listens by default.
 const LOCAL_ADDRESS: &str = "http://127.0.0.1:7700";

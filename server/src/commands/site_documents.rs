@@ -1,11 +1,10 @@
 //! What `publish` writes for other programs: documents by which catalogues and GIS find the cities, and tilesets.
 
-use super::{error::CommandError, site_folder::SiteFolder};
-use crate::{
-    discovery::{self, CityRecord, city_files},
-    page::{Brand, CityFacts, description},
-    store::CityStore,
-};
+use super::error::CommandError;
+use super::site_folder::SiteFolder;
+use crate::discovery::{self, CityRecord, city_files};
+use crate::page::{Brand, CityFacts, description};
+use crate::store::CityStore;
 #[cfg(feature = "bake")]
 use crate::{proposal::document, store::StoredCity};
 use insula_archive::city::MANIFEST_FILE;
@@ -19,7 +18,9 @@ use insula_export::{
 };
 #[cfg(feature = "bake")]
 use insula_protocol::{route::PROPOSALS_FILE, text::printable};
-use std::{fs, path::PathBuf, sync::Arc};
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What is to be said of a tileset without a place.
 #[cfg(feature = "bake")]

@@ -11,19 +11,15 @@
 //! ```
 
 use super::error::CommandError;
-use insula_archive::{
-    file::read_limited,
-    owned::{FileComparison, FileMark, OwnedFiles},
-    places::{MAX_SITE_LIST_BYTES, SITE_FILE},
-};
+use insula_archive::file::read_limited;
+use insula_archive::owned::{FileComparison, FileMark, OwnedFiles};
+use insula_archive::places::{MAX_SITE_LIST_BYTES, SITE_FILE};
 use serde_json::Value;
-use std::{
-    collections::BTreeSet,
-    ffi::OsString,
-    fs::{self, File},
-    io::{self, Write},
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// Content of the lock.
 const MARKER: &[u8] = b"Insula keeps unfinished work of `publish` in this folder and removes it.\n";

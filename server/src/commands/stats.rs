@@ -2,7 +2,8 @@
 
 use crate::store::CityStore;
 use insula_archive::{CityError, ReadError};
-use insula_protocol::{Manifest, Subtree, subtree::MeshLod};
+use insula_protocol::subtree::MeshLod;
+use insula_protocol::{Manifest, Subtree};
 use serde::Serialize;
 
 /// A city's manifest with the totals of its archives.

@@ -1,22 +1,18 @@
 //! `inspect` of city files: kinds, counts, levels of detail, extent, coordinate system and attributes, before a bake.
 
-use super::{
-    bake::{read_options, unknown_names},
-    error::CommandError,
-    interrupt,
-    output::{print, print_json},
-};
+use super::bake::{read_options, unknown_names};
+use super::error::CommandError;
+use super::interrupt;
+use super::output::{print, print_json};
 use crate::args::InspectArgs;
 use insula_bake::read::{AttributeCount, FaultCount, InputSurvey, ReadOptions, ReadProgress, SourceReport, survey};
 use insula_protocol::text::{count, human_bytes, printable};
-use std::{
-    cell::Cell,
-    collections::BTreeMap,
-    fmt::Write,
-    io::IsTerminal,
-    path::Path,
-    time::{Duration, Instant},
-};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// Rows of a table that are shown; JSON has all.
 const MAX_ROWS: usize = 40;

@@ -1,22 +1,16 @@
 //! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
-use super::{error::CommandError, output::print_result};
-use crate::{
-    args::VerifyArgs,
-    store::{CityStore, StoredObjects},
-};
+use super::error::CommandError;
+use super::output::print_result;
+use crate::args::VerifyArgs;
+use crate::store::{CityStore, StoredObjects};
 use insula_archive::city::content_version;
-use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, TileKind, VisibilityTile, mesh_tile,
-    subtree::{MeshLod, NodeInfo},
-    text::{count, printable},
-    tile,
-};
+use insula_protocol::subtree::{MeshLod, NodeInfo};
+use insula_protocol::text::{count, printable};
+use insula_protocol::{BlockMap, MeshTile, Subtree, TileId, TileKind, VisibilityTile, mesh_tile, tile};
 use serde_json::json;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 /// Faults that are kept and printed. Further ones are counted: a damaged city can have one per tile.
 const MAX_FAULTS: usize = 1000;

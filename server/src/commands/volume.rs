@@ -5,10 +5,8 @@
 
 use super::map_image::{BACKGROUND, shade};
 use image::{Rgb, RgbImage};
-use insula_protocol::{
-    Manifest, NODE_CELLS, TileId,
-    blockmap::voxels::{ROWS_BELOW, VoxelFace, Voxels},
-};
+use insula_protocol::blockmap::voxels::{ROWS_BELOW, VoxelFace, Voxels};
+use insula_protocol::{Manifest, NODE_CELLS, TileId};
 
 /// Half the width of a voxel in the picture, in pixels: the first of these with which the picture is not higher than [`MAX_HEIGHT`].
 const HALF_WIDTHS: [u32; 4] = [8, 6, 4, 2];
@@ -159,11 +157,9 @@ fn corners(face: VoxelFace) -> [[usize; 3]; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{
-        BlockMap, Texel,
-        blockmap::{COLUMNS, MapColumn, WallStrip},
-        texel::AO_MAX,
-    };
+    use insula_protocol::blockmap::{COLUMNS, MapColumn, WallStrip};
+    use insula_protocol::texel::AO_MAX;
+    use insula_protocol::{BlockMap, Texel};
     use insula_test_support::small_city::empty_manifest;
 
     /// A tower of two voxels above its base at the south-western corner, with a gap in its middle, and a low one beside it to the east.

@@ -1,28 +1,22 @@
 //! Work stores of bakes in steps: folders, and buckets of object stores (`s3://BUCKET/PATH`).
 
-use super::{
-    bucket_client::{BucketConnector, MAX_OBJECTS, RefusedKeys, list_of, read_page, text_of},
-    error::CommandError,
-};
+use super::bucket_client::{BucketConnector, MAX_OBJECTS, RefusedKeys, list_of, read_page, text_of};
+use super::error::CommandError;
 use futures_util::StreamExt;
 use hyper::{Method, Request};
 use insula_bake::{WorkFolder, WorkStore};
 use insula_command_line::http::cause_of;
-use object_store::{
-    ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart,
-    aws::{AmazonS3, AmazonS3Builder},
-    client::{HttpClient, HttpConnector as _, HttpRequestBody},
-    multipart::{MultipartStore, PartId},
-    path::Path as ObjectPath,
-    signer::{SignedUrlOptions, Signer},
-};
-use std::{
-    fs::File,
-    io::{self, Read, Write},
-    path::Path,
-    sync::{Mutex, PoisonError},
-    time::Duration,
-};
+use object_store::aws::{AmazonS3, AmazonS3Builder};
+use object_store::client::{HttpClient, HttpConnector as _, HttpRequestBody};
+use object_store::multipart::{MultipartStore, PartId};
+use object_store::path::Path as ObjectPath;
+use object_store::signer::{SignedUrlOptions, Signer};
+use object_store::{ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart};
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 use tokio::runtime::Runtime;
 
 /// Larger objects are uploaded in parts of this size: of at most 10,000 parts, an object may have 320 GB.

@@ -1,13 +1,12 @@
 //! Table of all settings: name, documentation, range, and conversion from and to text.
 
+use super::network::Network;
+use super::public_url::PublicUrl;
 use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
-use super::{
-    network::Network,
-    public_url::PublicUrl,
-    site::{check_accent, check_imprint, check_title, checked_views},
-};
+use super::site::{check_accent, check_imprint, check_title, checked_views};
 use insula_protocol::manifest::is_name;
-use std::{ops::RangeInclusive, path::PathBuf};
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
 
 /// Every setting with its documentation, in the order of `--print-config`.
 pub(super) const SETTINGS: [(&str, &str); 55] = [

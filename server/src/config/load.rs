@@ -1,11 +1,10 @@
 //! Loads the settings: defaults, then a TOML file, the environment and the command line.
 
-use super::{
-    keys::{self, RawValue, SETTINGS},
-    settings::ServeConfig,
-};
+use super::keys::{self, RawValue, SETTINGS};
+use super::settings::ServeConfig;
 use insula_archive::file::read_text;
-use std::{fmt::Write, path::Path};
+use std::fmt::Write;
+use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
 /// Prefix of environment variables: `limits.in_flight` is `INSULA_SERVE_LIMITS_IN_FLIGHT`.

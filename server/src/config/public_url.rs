@@ -1,6 +1,7 @@
 //! The address at which people reach a server that stands behind a proxy.
 
-use std::{fmt, str::FromStr};
+use std::fmt;
+use std::str::FromStr;
 
 /// Longest address in bytes.
 const MAX_BYTES: usize = 512;

@@ -1,7 +1,10 @@
 //! The settings of `serve` with their defaults, and the checks that span several of them.
 
-use super::{network::Network, public_url::PublicUrl, site::SiteConfig};
-use std::{path::PathBuf, time::Duration};
+use super::network::Network;
+use super::public_url::PublicUrl;
+use super::site::SiteConfig;
+use std::path::PathBuf;
+use std::time::Duration;
 
 /// Default of `listen`.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";

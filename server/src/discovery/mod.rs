@@ -14,11 +14,11 @@ mod stac;
 #[cfg(test)]
 mod tests;
 
-use insula_archive::{
-    city::{MANIFEST_FILE, SEARCH_FILE},
-    owned::FileMark,
-};
-use insula_protocol::{Manifest, TileKind, manifest::Attribution, route::THUMBNAIL_FILE};
+use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
+use insula_archive::owned::FileMark;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::route::THUMBNAIL_FILE;
+use insula_protocol::{Manifest, TileKind};
 use serde_json::{Value, json};
 use std::time::SystemTime;
 

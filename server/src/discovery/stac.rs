@@ -3,15 +3,11 @@
 use super::{CityFile, CityRecord, TILESET_FILE, geovolumes, licence_links, link, web_address};
 use chrono::{DateTime, SecondsFormat};
 use insula_archive::owned::FileMark;
-use insula_protocol::{
-    Manifest,
-    manifest::{Attribution, to_name},
-};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::{Attribution, to_name};
 use serde_json::{Map, Value, json};
-use std::{
-    collections::BTreeSet,
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::collections::BTreeSet;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 pub(super) const CATALOG_FILE: &str = "catalog.json";
 const VERSION: &str = "1.1.0";

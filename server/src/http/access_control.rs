@@ -4,14 +4,14 @@
 //! log: they are not part of a path, and headers and queries are not logged.
 
 use super::problem::Problem;
-use crate::{
-    config,
-    secret_file::SecretFile,
-    share_link::{self, ShareGrant, ShareKeys, ShareScope},
-};
+use crate::config;
+use crate::secret_file::SecretFile;
+use crate::share_link::{self, ShareGrant, ShareKeys, ShareScope};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use insula_protocol::route::RouteTemplate;
-use std::{collections::BTreeSet, path::Path, time::SystemTime};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::time::SystemTime;
 
 /// 16 random characters carry at least 64 bits.
 const MIN_TOKEN_BYTES: usize = 16;

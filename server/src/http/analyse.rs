@@ -1,23 +1,17 @@
 //! Analyses of a part of a city (`insula_analysis`), as the body of a request asks for them. Off by default.
 
-use super::{
-    fair_queue::StopFlag,
-    posted::{json_body, requested_city, unreadable, with_source},
-    problem::Problem,
-    state::AppState,
-    work_queues::{RequestClient, WorkKind},
-    work_threads::WorkThreads,
-};
-use crate::{
-    analysis::request::{AnalysisRequest, RequestError},
-    store::CityStore,
-};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderName, HeaderValue, Uri, header},
-    response::Response,
-};
+use super::fair_queue::StopFlag;
+use super::posted::{json_body, requested_city, unreadable, with_source};
+use super::problem::Problem;
+use super::state::AppState;
+use super::work_queues::{RequestClient, WorkKind};
+use super::work_threads::WorkThreads;
+use crate::analysis::request::{AnalysisRequest, RequestError};
+use crate::store::CityStore;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::response::Response;
 use insula_export::table::ExportError;
 use std::sync::Arc;
 use tokio::runtime::Handle;

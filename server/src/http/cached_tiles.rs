@@ -4,17 +4,15 @@
 //! such a request: without this layer, the server answers 1.00 times as many requests per second as nginx instead of 1.14 times
 //! (docs/measurements.md). All other requests, those for tiles that must be read included, go on to the router.
 
-use super::{response_body::ResponseBody, thread_state::ThreadState, tile::RequestedTile};
-use axum::{
-    body::Body,
-    http::{Method, Request, Response},
-};
-use std::{
-    convert::Infallible,
-    future::Future,
-    pin::Pin,
-    task::{Context, Poll},
-};
+use super::response_body::ResponseBody;
+use super::thread_state::ThreadState;
+use super::tile::RequestedTile;
+use axum::body::Body;
+use axum::http::{Method, Request, Response};
+use std::convert::Infallible;
+use std::future::Future;
+use std::pin::Pin;
+use std::task::{Context, Poll};
 use tower::{Layer, Service};
 
 /// Makes [`CachedTiles`] of a router.

@@ -1,10 +1,9 @@
 //! The cities that are served, with their encoded documents and access rules.
 
-use super::{
-    access_control::{AccessControl, Credentials},
-    city_documents::CityDocuments,
-};
-use crate::{share_link::ShareGrant, store::Store};
+use super::access_control::{AccessControl, Credentials};
+use super::city_documents::CityDocuments;
+use crate::share_link::ShareGrant;
+use crate::store::Store;
 use std::sync::Arc;
 
 /// Open cities, their documents and their access rules; replaced as one value.

@@ -1,16 +1,18 @@
 //! City list, manifests and OpenAPI document, encoded once per change of a city.
 
-use super::{
-    access_control::AccessControl,
-    content_encoding::EncodedContent,
-    page_request::PageRequest,
-    representation::{REVALIDATE, REVALIDATE_PRIVATE},
-};
+use super::access_control::AccessControl;
+use super::content_encoding::EncodedContent;
+use super::page_request::PageRequest;
+use super::representation::{REVALIDATE, REVALIDATE_PRIVATE};
 use crate::store::{CityStore, Store};
 use axum::http::HeaderValue;
-use insula_protocol::{codec::bincode, manifest::Attribution, route};
+use insula_protocol::codec::bincode;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::route;
 use serde::Serialize;
-use std::{collections::BTreeMap, ops::Bound, sync::Arc};
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::sync::Arc;
 
 pub(super) const JSON: &str = "application/json";
 pub(super) const BINCODE: &str = "application/x-bincode";

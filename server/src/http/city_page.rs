@@ -1,24 +1,18 @@
 //! The page of one city, `/cities/{city}`, and its picture.
 
-use super::{
-    access_control::CityAccess,
-    page_response::{displayed_origin, known_origin, relative, relative_root, respond, share_query},
-    problem::Problem,
-    representation::Representation,
-    state::AppState,
-    tile::find_city,
-    wrong_address,
-};
-use crate::{
-    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER},
-    store::CityStore,
-};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, Uri},
-    response::Response,
-};
+use super::access_control::CityAccess;
+use super::page_response::{displayed_origin, known_origin, relative, relative_root, respond, share_query};
+use super::problem::Problem;
+use super::representation::Representation;
+use super::state::AppState;
+use super::tile::find_city;
+use super::wrong_address;
+use crate::page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER};
+use crate::store::CityStore;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::response::Response;
 use insula_protocol::route::{self, Route, RouteTemplate};
 use std::sync::Arc;
 use tokio::task::spawn_blocking;

@@ -4,14 +4,11 @@
 
 use super::in_flight::InFlightBudget;
 use crate::config::LimitsConfig;
-use std::{
-    collections::HashMap,
-    net::{IpAddr, Ipv6Addr},
-    sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicUsize, Ordering::Relaxed},
-    },
-};
+use std::collections::HashMap;
+use std::net::{IpAddr, Ipv6Addr};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What a connection is there for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -148,10 +145,8 @@ pub(super) fn client_network(ip: IpAddr) -> IpAddr {
 
 #[cfg(test)]
 mod tests {
-    use super::{
-        ConnectionClass::{OverLimit, Reserved, Served},
-        *,
-    };
+    use super::ConnectionClass::{OverLimit, Reserved, Served};
+    use super::*;
 
     #[test]
     fn a_client_gets_its_share_and_is_forgotten_when_it_leaves() {

@@ -3,10 +3,8 @@
 //!
 //! All share one limit, beyond which what was used longest ago goes.
 
-use super::{
-    fair_queue::{FairQueue, Shed, StopFlag},
-    representation::{Representation, etag_of},
-};
+use super::fair_queue::{FairQueue, Shed, StopFlag};
+use super::representation::{Representation, etag_of};
 use crate::store::CityIndex;
 use axum::http::HeaderValue;
 use bytes::Bytes;
@@ -15,9 +13,10 @@ use insula_draw::DrawnPart;
 #[cfg(feature = "bake")]
 use insula_protocol::{TileId, route::TilesetFileKind};
 use moka::future::Cache;
+use std::net::IpAddr;
 #[cfg(feature = "bake")]
 use std::sync::Arc;
-use std::{net::IpAddr, time::Duration};
+use std::time::Duration;
 use tokio::runtime::Handle;
 
 /// What nobody asks for goes after this time, also with its city.
@@ -180,12 +179,12 @@ impl ComputedCache {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::fair_queue::QueueLimits, *};
+    use super::super::fair_queue::QueueLimits;
+    use super::*;
     use insula_objects::search::{SearchIndex, SearchIndexBuilder};
-    use std::sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering::Relaxed},
-    };
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicUsize;
+    use std::sync::atomic::Ordering::Relaxed;
     use tokio::sync::oneshot;
 
     #[tokio::test]

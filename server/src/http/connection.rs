@@ -1,30 +1,25 @@
 //! Serves one connection: HTTP/1.1 or HTTP/2, chosen by its first bytes, with slow clients detected.
 
-use super::{
-    connection_state::ConnectionState, problem::Problem, service::HttpService, stream_progress::StreamExecutor, turns,
-};
-use axum::{
-    body::Body,
-    http::{Request, StatusCode},
-};
-use hyper::{body::Incoming, service::service_fn};
-use hyper_util::{
-    rt::{TokioIo, TokioTimer},
-    server::conn::auto,
-};
-use std::{
-    cell::Cell,
-    future::{Future, poll_fn},
-    io::{self, IoSlice},
-    pin::{Pin, pin},
-    sync::Arc,
-    task::{Context, Poll, ready},
-    time::Duration,
-};
-use tokio::{
-    io::{AsyncRead, AsyncWrite, ReadBuf},
-    task::yield_now,
-};
+use super::connection_state::ConnectionState;
+use super::problem::Problem;
+use super::service::HttpService;
+use super::stream_progress::StreamExecutor;
+use super::turns;
+use axum::body::Body;
+use axum::http::{Request, StatusCode};
+use hyper::body::Incoming;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::conn::auto;
+use std::cell::Cell;
+use std::future::{Future, poll_fn};
+use std::io::{self, IoSlice};
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::task::yield_now;
 
 /// Writes of a thread between two yields of its core.
 const WRITES_PER_YIELD: u32 = 32;

@@ -1,19 +1,14 @@
 //! Progress of one connection, and the timeouts that close it.
 
-use super::{
-    client_usage::{ClientUsage, client_network},
-    stream_progress::{MIN_TAKEN_BYTES, StreamProgress},
-};
+use super::client_usage::{ClientUsage, client_network};
+use super::stream_progress::{MIN_TAKEN_BYTES, StreamProgress};
 use slab::Slab;
-use std::{
-    net::IpAddr,
-    sync::{
-        Arc, Mutex, MutexGuard, OnceLock, PoisonError,
-        atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed},
-    },
-    task::Waker,
-    time::Duration,
-};
+use std::net::IpAddr;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::task::Waker;
+use std::time::Duration;
 
 /// Time limit of a connection over the limit: it is there for one request, which is rejected unless it is for health.
 const OVER_LIMIT_TIMEOUT: Duration = Duration::from_secs(2);

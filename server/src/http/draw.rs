@@ -2,35 +2,27 @@
 //!
 //! The part of the city that was read and sorted is kept, so that another view of it takes less.
 
-use super::{
-    computed_cache::ComputedKey,
-    fair_queue::StopFlag,
-    posted::{json_body, requested_city, unreadable, with_source},
-    problem::Problem,
-    state::AppState,
-    work_queues::{RequestClient, WorkKind},
-    work_threads::WorkThreads,
-};
+use super::computed_cache::ComputedKey;
+use super::fair_queue::StopFlag;
+use super::posted::{json_body, requested_city, unreadable, with_source};
+use super::problem::Problem;
+use super::state::AppState;
+use super::work_queues::{RequestClient, WorkKind};
+use super::work_threads::WorkThreads;
 use crate::store::CityStore;
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderName, HeaderValue, Uri, header},
-    response::Response,
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::response::Response;
 use insula_analysis::eye::lifted_camera;
 use insula_bake::read::EarthPlace;
-use insula_draw::{
-    DrawError, DrawLimits, DrawnPart, draw_part,
-    error::DrawStep,
-    file::{DrawingFormat, encode},
-    options::DrawingOptions,
-    view::DrawView,
-};
-use insula_export::{
-    camera::ExportCamera,
-    source::{ExportSource, SourceError},
-};
+use insula_draw::error::DrawStep;
+use insula_draw::file::{DrawingFormat, encode};
+use insula_draw::options::DrawingOptions;
+use insula_draw::view::DrawView;
+use insula_draw::{DrawError, DrawLimits, DrawnPart, draw_part};
+use insula_export::camera::ExportCamera;
+use insula_export::source::{ExportSource, SourceError};
 use std::sync::Arc;
 use tokio::runtime::Handle;
 

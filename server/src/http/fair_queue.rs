@@ -8,19 +8,18 @@
 //! the cores to that of others, and to the threads that respond, whenever these need them.
 
 use super::problem::Problem;
-use std::{
-    collections::{HashMap, VecDeque},
-    future::Future,
-    net::IpAddr,
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, Ordering::Relaxed},
-        mpsc,
-    },
-    time::Duration,
-};
-use tokio::{runtime::Handle, sync::oneshot, task::spawn_blocking, time::timeout};
+use std::collections::{HashMap, VecDeque};
+use std::future::Future;
+use std::net::IpAddr;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::sync::oneshot;
+use tokio::task::spawn_blocking;
+use tokio::time::timeout;
 
 /// What is added to the nice value of threads with [`WorkPriority::Low`]. Not the lowest: other programs of the machine must not bring such work to a halt.
 #[cfg(target_os = "linux")]

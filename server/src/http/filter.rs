@@ -2,31 +2,23 @@
 //!
 //! The address has a city's version and the filter, so that the response is immutable as a tile is.
 
-use super::{
-    computed_cache::ComputedKey,
-    fair_queue::{Shed, StopFlag},
-    problem::Problem,
-    search::decode_text,
-    state::{AppState, MessageKind},
-    tile::{find_version, unknown_name},
-    work_queues::{RequestClient, WorkKind},
-};
+use super::computed_cache::ComputedKey;
+use super::fair_queue::{Shed, StopFlag};
+use super::problem::Problem;
+use super::search::decode_text;
+use super::state::{AppState, MessageKind};
+use super::tile::{find_version, unknown_name};
+use super::work_queues::{RequestClient, WorkKind};
 use crate::store::CityStore;
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, Method, Uri},
-    response::Response,
-};
-use insula_objects::{
-    ObjectBlock, Schema,
-    filter::{Filter, FilterBuilder, MAX_FILTER_BYTES},
-};
-use insula_protocol::{
-    TileKind,
-    object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID, block_id},
-    route::{Route, RouteTemplate},
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
+use insula_objects::filter::{Filter, FilterBuilder, MAX_FILTER_BYTES};
+use insula_objects::{ObjectBlock, Schema};
+use insula_protocol::TileKind;
+use insula_protocol::object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID, block_id};
+use insula_protocol::route::{Route, RouteTemplate};
 use std::fmt::Display;
 use tokio::runtime::Handle;
 

@@ -1,28 +1,22 @@
 //! Groups of tiles ([`tile_group`]), which are immutable under their city's version, as tiles are.
 
-use super::{
-    computed_cache::ComputedBytes,
-    fair_queue::Shed,
-    problem::{NO_ROUTE, Problem},
-    state::AppState,
-    thread_state::ThreadState,
-    tile::{RequestedTile, find_version, unknown_name},
-    tile_cache::TileCache,
-    turns::end_turn,
-    work_queues::{RequestClient, WorkKind},
-};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{Request, StatusCode},
-    response::Response,
-};
+use super::computed_cache::ComputedBytes;
+use super::fair_queue::Shed;
+use super::problem::{NO_ROUTE, Problem};
+use super::state::AppState;
+use super::thread_state::ThreadState;
+use super::tile::{RequestedTile, find_version, unknown_name};
+use super::tile_cache::TileCache;
+use super::turns::end_turn;
+use super::work_queues::{RequestClient, WorkKind};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{Request, StatusCode};
+use axum::response::Response;
 use bytes::Bytes;
 use futures_util::future::try_join_all;
-use insula_protocol::{
-    route::{Route, RouteError, RouteTemplate},
-    tile_group::{self, GroupMember},
-};
+use insula_protocol::route::{Route, RouteError, RouteTemplate};
+use insula_protocol::tile_group::{self, GroupMember};
 use std::sync::Arc;
 
 /// Tiles that are read before other clients have a turn on the thread.

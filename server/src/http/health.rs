@@ -1,12 +1,13 @@
 //! Liveness, readiness and metrics: `/healthz`, `/readyz`, `/metrics`.
 
-use super::{access_control::Credentials, metrics::CurrentCounts, problem::Problem, state::AppState};
-use axum::{
-    Extension,
-    extract::State,
-    http::{HeaderMap, Uri, header},
-    response::{IntoResponse, Response},
-};
+use super::access_control::Credentials;
+use super::metrics::CurrentCounts;
+use super::problem::Problem;
+use super::state::AppState;
+use axum::Extension;
+use axum::extract::State;
+use axum::http::{HeaderMap, Uri, header};
+use axum::response::{IntoResponse, Response};
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 

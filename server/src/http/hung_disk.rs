@@ -3,16 +3,12 @@
 //! A thread that waits for such a file system cannot be stopped. It is left alone, and others do its work later; but only so many
 //! may be left, or each check would add one.
 
-use std::{
-    future::{Future, pending},
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    sync::Semaphore,
-    task::{AbortHandle, JoinSet, spawn_blocking},
-    time::timeout,
-};
+use std::future::{Future, pending};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::Semaphore;
+use tokio::task::{AbortHandle, JoinSet, spawn_blocking};
+use tokio::time::timeout;
 
 /// Most reads, and most checks, that run at the same time because earlier ones do not end.
 const MAX_RUNNING: usize = 4;
@@ -96,10 +92,9 @@ impl<T: Send + 'static> RunningChecks<T> {
 mod tests {
     use super::*;
     use futures_util::FutureExt;
-    use std::sync::{
-        atomic::{AtomicBool, Ordering::Relaxed},
-        mpsc::{Receiver, sync_channel},
-    };
+    use std::sync::atomic::AtomicBool;
+    use std::sync::atomic::Ordering::Relaxed;
+    use std::sync::mpsc::{Receiver, sync_channel};
 
     const LONG: Duration = Duration::from_secs(600);
 

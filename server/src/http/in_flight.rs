@@ -1,6 +1,7 @@
 //! Limits on the requests, and the bytes of their responses, that are in flight at once.
 
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Counts requests and response bytes in flight. Each successful `try_` call must be undone by [`Self::release`].
 #[derive(Debug)]

@@ -1,26 +1,21 @@
 //! The page at `/`: the cities with their sources, and the command that opens them; of a single city, the city's page.
 
-use super::{
-    access_control::{CityAccess, Credentials},
-    city_page::{facts, links, respond_with_city},
-    fair_queue::{Shed, StopFlag},
-    page_request::page_request,
-    page_response::{displayed_origin, relative, respond, share_query},
-    problem::Problem,
-    state::AppState,
-    work_queues::{RequestClient, WorkKind},
-};
-use crate::{
-    page::{self, CityInList, CityListPage, NO_VIEWER, escape_html},
-    store::CityStore,
-};
-use axum::{
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, Uri},
-    response::Response,
-};
+use super::access_control::{CityAccess, Credentials};
+use super::city_page::{facts, links, respond_with_city};
+use super::fair_queue::{Shed, StopFlag};
+use super::page_request::page_request;
+use super::page_response::{displayed_origin, relative, respond, share_query};
+use super::problem::Problem;
+use super::state::AppState;
+use super::work_queues::{RequestClient, WorkKind};
+use crate::page::{self, CityInList, CityListPage, NO_VIEWER, escape_html};
+use crate::store::CityStore;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::response::Response;
 use insula_protocol::route::{self, CITIES};
-use std::{ops::Bound, sync::Arc};
+use std::ops::Bound;
+use std::sync::Arc;
 
 /// `/`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`, and with 503 if there is no time.
 pub(super) async fn index(

@@ -1,9 +1,7 @@
 //! Limits the messages of one kind, so that clients cannot flood the log.
 
-use std::{
-    sync::{Mutex, PoisonError},
-    time::{Duration, Instant},
-};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Messages of one kind that are logged per [`WINDOW`].
 const MAX_MESSAGES: u32 = 10;

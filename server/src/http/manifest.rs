@@ -1,22 +1,18 @@
 //! The city list, manifests as JSON or bincode, and the OpenAPI document.
 
-use super::{
-    accept::{accepted_media, accepts},
-    access_control::{AccessRequest, CityAccess, Credentials},
-    city_documents::{BINCODE, JSON, ListPage},
-    city_page::respond_with_city,
-    fair_queue::{Shed, StopFlag},
-    page_request::{PageRequest, page_request},
-    problem::Problem,
-    state::AppState,
-    work_queues::{RequestClient, WorkKind},
-};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, Uri, header},
-    response::Response,
-};
+use super::accept::{accepted_media, accepts};
+use super::access_control::{AccessRequest, CityAccess, Credentials};
+use super::city_documents::{BINCODE, JSON, ListPage};
+use super::city_page::respond_with_city;
+use super::fair_queue::{Shed, StopFlag};
+use super::page_request::{PageRequest, page_request};
+use super::problem::Problem;
+use super::state::AppState;
+use super::work_queues::{RequestClient, WorkKind};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::response::Response;
 use insula_protocol::route::{CITIES, Route, RouteTemplate};
 use std::sync::Arc;
 

@@ -3,17 +3,18 @@
 //! Routes and status codes are fixed sets, so that clients cannot create labels. Each server has its own registry.
 
 use crate::store::StoreMetrics;
-use insula_archive::{ReadError, resident_directories::directory_bytes};
+use insula_archive::ReadError;
+use insula_archive::resident_directories::directory_bytes;
 use insula_protocol::route::RouteTemplate;
-use prometheus_client::{
-    encoding::{EncodeLabelSet, text::encode},
-    metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
-    registry::Registry,
-};
-use std::{
-    sync::{Mutex, OnceLock, PoisonError},
-    time::Duration,
-};
+use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::Registry;
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::Duration;
 
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
 const CODES: [u16; 18] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 410, 412, 416, 421, 429, 431, 500, 503, 999];

@@ -1,12 +1,13 @@
 //! What the responses with pages share: headers, and the address by which the client knows the server.
 
-use super::{representation::Representation, request_host::request_host, response::NO_REFERRER, state::AppState};
+use super::representation::Representation;
+use super::request_host::request_host;
+use super::response::NO_REFERRER;
+use super::state::AppState;
 use crate::share_link;
-use axum::{
-    body::Body,
-    http::{HeaderMap, HeaderValue, Method, Uri, header},
-    response::Response,
-};
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::response::Response;
 use bytes::Bytes;
 
 /// Responds with a page under a Content-Security-Policy. `vary` names the headers on which its content depends.

@@ -3,25 +3,24 @@
 //! These are the only routes that read a body, and the only ones that take seconds: so the body is small and must arrive soon, few pieces of
 //! work are done at once on threads of their own, few requests wait, and work that nobody waits for ends. They are off by default.
 
-use super::{
-    fair_queue::StopFlag,
-    problem::{NO_ROUTE, Problem},
-    response::POST_METHODS,
-    state::{AppState, MessageKind},
-    tile::{find_city, unknown_name},
-};
+use super::fair_queue::StopFlag;
+use super::problem::{NO_ROUTE, Problem};
+use super::response::POST_METHODS;
+use super::state::{AppState, MessageKind};
+use super::tile::{find_city, unknown_name};
 use crate::store::{CityStore, StoredCity};
-use axum::{
-    body::{Body, to_bytes},
-    extract::State,
-    http::{HeaderMap, StatusCode, Uri, header},
-};
+use axum::body::{Body, to_bytes};
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_export::source::SourceError;
 use insula_protocol::route::{Route, RouteError, RouteTemplate};
-use std::{fmt::Display, sync::Arc, time::Duration};
-use tokio::{runtime::Handle, time::timeout};
+use std::fmt::Display;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::time::timeout;
 
 /// Largest body.
 const MAX_BODY_BYTES: usize = 64 << 10;

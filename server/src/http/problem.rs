@@ -4,11 +4,9 @@
 //! says more: what is wrong with the body of the request.
 
 use super::response::FullResponse;
-use axum::{
-    body::Body,
-    http::{HeaderName, HeaderValue, StatusCode, header},
-    response::{IntoResponse, Response},
-};
+use axum::body::Body;
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use std::borrow::Cow;
 

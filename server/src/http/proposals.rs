@@ -1,21 +1,17 @@
 //! The proposals of a city for its page: what they add to it and remove from it.
 
-use super::{
-    computed_cache::ComputedKey,
-    fair_queue::{Shed, StopFlag},
-    posted::{requested_city, unreadable, with_source},
-    problem::Problem,
-    representation::{REVALIDATE_PRIVATE, Representation},
-    state::AppState,
-    work_queues::{RequestClient, WorkKind},
-};
+use super::computed_cache::ComputedKey;
+use super::fair_queue::{Shed, StopFlag};
+use super::posted::{requested_city, unreadable, with_source};
+use super::problem::Problem;
+use super::representation::{REVALIDATE_PRIVATE, Representation};
+use super::state::AppState;
+use super::work_queues::{RequestClient, WorkKind};
 use crate::proposal::document;
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, Method, Uri},
-    response::Response,
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
 use insula_export::source::SourceError;
 use std::sync::Arc;
 use tokio::runtime::Handle;

@@ -1,14 +1,13 @@
 //! Request rate limit per client address: a token bucket each. Off by default.
 
-use super::{client_usage::client_network, problem::Problem};
+use super::client_usage::client_network;
+use super::problem::Problem;
 use axum::http::{HeaderValue, StatusCode, header};
 use lru::LruCache;
-use std::{
-    net::IpAddr,
-    num::NonZeroUsize,
-    sync::{Mutex, PoisonError},
-    time::Instant,
-};
+use std::net::IpAddr;
+use std::num::NonZeroUsize;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// Number of buckets; the least recently used one is dropped first.
 const MAX_CLIENTS: NonZeroUsize = NonZeroUsize::new(65_536).unwrap();

@@ -3,29 +3,21 @@
 //! Everything here runs apart from the thread that accepts connections. Tokens and keys are read first, and are read also while
 //! a check of the cities takes long: a token that was removed must not live as long as a disk is slow.
 
-use super::{
-    access_control::AccessControl,
-    city_documents::CityDocuments,
-    hung_disk::{RunningChecks, TimedReads},
-    state::AppState,
-    tls::TlsIdentity,
-};
-use crate::{
-    config::ServeConfig,
-    store::{RetentionPolicy, StoreReload},
-};
-use std::{
-    collections::BTreeSet,
-    future::pending,
-    io,
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    sync::{Notify, oneshot},
-    task::spawn_blocking,
-    time::sleep,
-};
+use super::access_control::AccessControl;
+use super::city_documents::CityDocuments;
+use super::hung_disk::{RunningChecks, TimedReads};
+use super::state::AppState;
+use super::tls::TlsIdentity;
+use crate::config::ServeConfig;
+use crate::store::{RetentionPolicy, StoreReload};
+use std::collections::BTreeSet;
+use std::future::pending;
+use std::io;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::{Notify, oneshot};
+use tokio::task::spawn_blocking;
+use tokio::time::sleep;
 
 /// Shortest time between two checks of remote cities: each one costs a request, while checking a folder is cheap.
 const REMOTE_INTERVAL: Duration = Duration::from_secs(10);

@@ -1,6 +1,7 @@
 //! Conditional requests and byte ranges (RFC 9110, 13 and 14): 200, 206, 304, 412 or 416 for a given content.
 
-use super::{problem::Problem, response::FullResponse};
+use super::problem::Problem;
+use super::response::FullResponse;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
 use std::ops::Range;

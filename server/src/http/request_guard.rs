@@ -1,11 +1,13 @@
 //! What a request holds until its response is sent: its place in the limits, its metrics and its log entry.
 
-use super::{
-    connection_state::ConnectionState, in_flight::InFlightBudget, state::AppState, stream_progress::StreamProgress,
-};
+use super::connection_state::ConnectionState;
+use super::in_flight::InFlightBudget;
+use super::state::AppState;
+use super::stream_progress::StreamProgress;
 use axum::http::{HeaderValue, Method};
 use insula_protocol::route::RouteTemplate;
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
+use std::time::Instant;
 
 /// Resources of one request. Dropping it releases them and records the request, however it ended.
 pub(super) struct RequestGuard {

@@ -1,9 +1,12 @@
 //! The host that a request is for: `:authority` or the target's authority, else `Host`. The client that it comes from.
 
-use super::{connection_state::ConnectionState, problem::Problem};
+use super::connection_state::ConnectionState;
+use super::problem::Problem;
 use crate::config::Network;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, Version, header, request::Parts};
-use std::{net::IpAddr, sync::Arc};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, Version, header};
+use std::net::IpAddr;
+use std::sync::Arc;
 
 const FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 

@@ -1,9 +1,7 @@
 //! Responses whose whole body is in memory, and the CORS headers that all responses share.
 
-use axum::{
-    body::Bytes,
-    http::{HeaderMap, HeaderValue, Response, header},
-};
+use axum::body::Bytes;
+use axum::http::{HeaderMap, HeaderValue, Response, header};
 
 const ANY: HeaderValue = HeaderValue::from_static("*");
 

@@ -3,16 +3,15 @@
 //! hyper takes the next piece of a body when it has nearly sent the one before. So a slow client makes it hold one piece, and
 //! the rest stays part of the budget of bytes in flight.
 
-use super::{request_guard::RequestGuard, stream_progress::StreamProgress};
+use super::request_guard::RequestGuard;
+use super::stream_progress::StreamProgress;
 use axum::body::{Body, Bytes, HttpBody};
 use bytes::Buf;
 use http_body::{Frame, SizeHint};
-use std::{
-    mem::take,
-    pin::Pin,
-    sync::Arc,
-    task::{Context, Poll, ready},
-};
+use std::mem::take;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
 
 /// Size of the largest piece of a body.
 const PIECE_BYTES: usize = 64 << 10;
@@ -173,7 +172,9 @@ impl Buf for ResponsePiece {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{config::ServeConfig, http::state::AppState, store::Store};
+    use crate::config::ServeConfig;
+    use crate::http::state::AppState;
+    use crate::store::Store;
     use insula_protocol::route::RouteTemplate;
     use std::task::Waker;
 

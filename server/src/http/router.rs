@@ -1,14 +1,11 @@
 //! The routes of all addresses.
 
-use super::{
-    city_page, filter, group, health, index_page, manifest, problem::Problem, search, thread_state::ThreadState, tile,
-    viewer_files, wrong_address,
-};
-use axum::{
-    Router,
-    http::{HeaderValue, StatusCode, header},
-    routing::{MethodRouter, get},
-};
+use super::problem::Problem;
+use super::thread_state::ThreadState;
+use super::{city_page, filter, group, health, index_page, manifest, search, tile, viewer_files, wrong_address};
+use axum::Router;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::routing::{MethodRouter, get};
 use insula_protocol::route::RouteTemplate;
 
 pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
@@ -72,12 +69,12 @@ async fn method_not_allowed() -> Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        config::ServeConfig,
-        http::{AppState, HttpService, work_queues::WorkKind},
-        store::Store,
-    };
-    use axum::{body::Body, http::Request};
+    use crate::config::ServeConfig;
+    use crate::http::work_queues::WorkKind;
+    use crate::http::{AppState, HttpService};
+    use crate::store::Store;
+    use axum::body::Body;
+    use axum::http::Request;
     use insula_test_support::small_city::{self, VERSION};
     use tower::ServiceExt as _;
 

@@ -3,21 +3,17 @@
 //! The address has a city's version, `q` and `limit`; the response has the hits as JSON, immutable under the version as a tile is. The work
 //! of a search is bounded (`insula_objects::search`); the first one reads the index.
 
-use super::{
-    computed_cache::ComputedBytes,
-    fair_queue::{Shed, StopFlag},
-    problem::Problem,
-    state::{AppState, MessageKind},
-    tile::{find_version, unknown_name},
-    work_queues::{RequestClient, WorkKind},
-};
+use super::computed_cache::ComputedBytes;
+use super::fair_queue::{Shed, StopFlag};
+use super::problem::Problem;
+use super::state::{AppState, MessageKind};
+use super::tile::{find_version, unknown_name};
+use super::work_queues::{RequestClient, WorkKind};
 use crate::store::{CityStore, SearchFileError};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, Method, Uri},
-    response::Response,
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
 use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
 use percent_encoding::percent_decode_str;

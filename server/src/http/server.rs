@@ -1,34 +1,26 @@
 //! Accepts connections on a listener and passes them to the workers, until shutdown.
 
-use super::{
-    access_control::AccessControl,
-    client_usage::{ClientSlot, ClientTable, ConnectionClass},
-    operations::OperationsListener,
-    reload::{ReloadTask, report_failures},
-    service::HttpService,
-    state::{AppState, MessageKind},
-    tls::TlsIdentity,
-    worker::{AcceptedConnection, WorkerPool},
-};
-use crate::{
-    config::ServeConfig,
-    page::{Brand, ViewerAssets},
-    store::Store,
-};
-use std::{
-    future::Future,
-    io,
-    net::{IpAddr, SocketAddr},
-    path::PathBuf,
-    pin::pin,
-    sync::Arc,
-    time::Duration,
-};
-use tokio::{
-    net::{TcpListener, TcpStream},
-    sync::{Notify, OwnedSemaphorePermit, Semaphore},
-    time::sleep,
-};
+use super::access_control::AccessControl;
+use super::client_usage::{ClientSlot, ClientTable, ConnectionClass};
+use super::operations::OperationsListener;
+use super::reload::{ReloadTask, report_failures};
+use super::service::HttpService;
+use super::state::{AppState, MessageKind};
+use super::tls::TlsIdentity;
+use super::worker::{AcceptedConnection, WorkerPool};
+use crate::config::ServeConfig;
+use crate::page::{Brand, ViewerAssets};
+use crate::store::Store;
+use std::future::Future;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
+use tokio::time::sleep;
 
 /// Of `limits.connections`, this fraction (1/n) may be open in addition: their requests are rejected with 503, except for health
 /// and metrics. Further connections wait in the system's accept queue.

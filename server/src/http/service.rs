@@ -1,37 +1,30 @@
 //! Handles one request: the checks in their order, then the router.
 
-use super::{
-    cached_tiles::{CachedTiles, CachedTilesFuture, CachedTilesLayer},
-    client_usage::client_network,
-    connection_state::ConnectionState,
-    health::ForOperators,
-    problem::{NO_ROUTE, Problem},
-    request_guard::{RequestGuard, RequestLogEntry},
-    request_host::{check_host, client_address},
-    response::{NO_REFERRER, POST_METHODS, with_cors},
-    response_body::{GuardedBody, PlainBody, ResponseBody},
-    router::{ALLOWED_METHODS, router},
-    state::AppState,
-    thread_state::ThreadState,
-    tile_cache::TileCache,
-    work_queues::{RequestClient, WorkKind},
-};
-use axum::{
-    Extension, Router,
-    body::Body,
-    http::{
-        HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
-    },
-};
+use super::cached_tiles::{CachedTiles, CachedTilesFuture, CachedTilesLayer};
+use super::client_usage::client_network;
+use super::connection_state::ConnectionState;
+use super::health::ForOperators;
+use super::problem::{NO_ROUTE, Problem};
+use super::request_guard::{RequestGuard, RequestLogEntry};
+use super::request_host::{check_host, client_address};
+use super::response::{NO_REFERRER, POST_METHODS, with_cors};
+use super::response_body::{GuardedBody, PlainBody, ResponseBody};
+use super::router::{ALLOWED_METHODS, router};
+use super::state::AppState;
+use super::thread_state::ThreadState;
+use super::tile_cache::TileCache;
+use super::work_queues::{RequestClient, WorkKind};
+use axum::body::Body;
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header};
+use axum::{Extension, Router};
 use insula_protocol::route::RouteTemplate;
-use std::{
-    convert::Infallible,
-    future::Future,
-    net::IpAddr,
-    pin::Pin,
-    sync::Arc,
-    task::{Context, Poll},
-};
+use std::convert::Infallible;
+use std::future::Future;
+use std::net::IpAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
 use tower::{Layer, Service};
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");

@@ -1,37 +1,29 @@
 //! State that all requests share.
 
-use super::{
-    access_control::AccessControl,
-    catalog::Catalog,
-    city_documents::CityDocuments,
-    computed_cache::ComputedCache,
-    fair_queue::FairQueue,
-    in_flight::InFlightBudget,
-    log_limit::LogLimit,
-    metrics::HttpMetrics,
-    rate_limit::RateLimiter,
-    viewer_content::ViewerContent,
-    work_queues::{WorkKind, WorkQueues},
+use super::access_control::AccessControl;
+use super::catalog::Catalog;
+use super::city_documents::CityDocuments;
+use super::computed_cache::ComputedCache;
+use super::fair_queue::FairQueue;
+use super::in_flight::InFlightBudget;
+use super::log_limit::LogLimit;
+use super::metrics::HttpMetrics;
+use super::rate_limit::RateLimiter;
+use super::viewer_content::ViewerContent;
+use super::work_queues::{WorkKind, WorkQueues};
+use crate::config::{
+    AnalysesConfig, CorsPolicy, DrawingsConfig, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig, SiteConfig,
 };
-use crate::{
-    config::{
-        AnalysesConfig, CorsPolicy, DrawingsConfig, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig,
-        SiteConfig,
-    },
-    page::{Brand, Languages, SiteTexts, ViewerAssets},
-    store::Store,
-};
+use crate::page::{Brand, Languages, SiteTexts, ViewerAssets};
+use crate::store::Store;
 use arc_swap::{ArcSwap, Guard};
 use axum::http::{HeaderMap, HeaderValue, header};
 use insula_protocol::route::RouteTemplate;
-use std::{
-    ops::Deref,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
-    },
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::ops::Deref;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Cities, metrics and limits of one server. Cheap to clone.
 #[derive(Debug, Clone)]

@@ -5,16 +5,13 @@
 
 use super::turns::InTurn;
 use hyper::rt::Executor;
-use std::{
-    cell::Cell,
-    future::Future,
-    net::IpAddr,
-    sync::{
-        Arc, OnceLock,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-    time::Duration,
-};
+use std::cell::Cell;
+use std::future::Future;
+use std::net::IpAddr;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 use tokio::task::AbortHandle;
 
 /// While bytes wait for a client, it must take at least this many per `limits.write_secs`.

@@ -1,6 +1,7 @@
 //! What the handlers of one worker thread share.
 
-use super::{state::AppState, tile_cache::TileCache};
+use super::state::AppState;
+use super::tile_cache::TileCache;
 use axum::extract::FromRef;
 use std::sync::Arc;
 

@@ -2,28 +2,23 @@
 //!
 //! In: a [`TileRoute`]. Out: the tile's bytes as the archive holds them, with valid checksums. Next: the client's decoder.
 
-use super::{
-    access_control::{AccessRequest, CityAccess, Credentials},
-    problem::{NO_ROUTE, Problem},
-    representation::{Representation, is_unconditional, quoted},
-    response::{FullResponse, with_cors},
-    state::{AppState, MessageKind},
-    thread_state::ThreadState,
-    tile_cache::{CachedTile, TileCache, TileCacheKey},
-};
+use super::access_control::{AccessRequest, CityAccess, Credentials};
+use super::problem::{NO_ROUTE, Problem};
+use super::representation::{Representation, is_unconditional, quoted};
+use super::response::{FullResponse, with_cors};
+use super::state::{AppState, MessageKind};
+use super::thread_state::ThreadState;
+use super::tile_cache::{CachedTile, TileCache, TileCacheKey};
 use crate::store::CityStore;
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri, request::Parts},
-    response::Response,
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri};
+use axum::response::Response;
 use bytes::Bytes;
 use insula_archive::ReadError;
-use insula_protocol::{
-    TileId, TileKind, mesh_tile,
-    route::{Route, RouteError, RouteTemplate, TileRoute},
-};
+use insula_protocol::route::{Route, RouteError, RouteTemplate, TileRoute};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");

@@ -5,10 +5,8 @@ use axum::http::HeaderMap;
 use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use prometheus_client::metrics::gauge::Gauge;
-use std::{
-    hash::{BuildHasherDefault, Hasher},
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Estimated memory of an entry besides its body.
 const ENTRY_BYTES: usize = 1024;

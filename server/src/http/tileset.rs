@@ -2,26 +2,24 @@
 //!
 //! The addresses of files have the city's version, so that they are immutable; only `tileset.json` changes with the city.
 
-use super::{
-    access_control::CityAccess,
-    computed_cache::{ComputedBytes, ComputedKey, TilesetFile},
-    fair_queue::{Shed, StopFlag},
-    page_response::share_query,
-    problem::{NO_ROUTE, Problem},
-    representation::Representation,
-    state::{AppState, MessageKind},
-    tile::{find_city, find_version, unknown_name},
-    work_queues::{RequestClient, WorkKind},
-};
+use super::access_control::CityAccess;
+use super::computed_cache::{ComputedBytes, ComputedKey, TilesetFile};
+use super::fair_queue::{Shed, StopFlag};
+use super::page_response::share_query;
+use super::problem::{NO_ROUTE, Problem};
+use super::representation::Representation;
+use super::state::{AppState, MessageKind};
+use super::tile::{find_city, find_version, unknown_name};
+use super::work_queues::{RequestClient, WorkKind};
 use crate::store::{CityStore, StoredCity};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, Method, Uri},
-    response::Response,
-};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
 use insula_bake::read::EarthPlace;
-use insula_export::{glb::ExportError, selection::ObjectSelection, tiles3d::Tileset};
+use insula_export::glb::ExportError;
+use insula_export::selection::ObjectSelection;
+use insula_export::tiles3d::Tileset;
 use insula_protocol::route::{Route, RouteError, RouteTemplate, TilesetFileKind};
 use std::sync::Arc;
 use tokio::runtime::Handle;

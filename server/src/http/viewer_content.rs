@@ -1,9 +1,7 @@
 //! The files of the browser viewer, ready to be sent.
 
-use super::{
-    content_encoding::EncodedContent,
-    representation::{IMMUTABLE, REVALIDATE},
-};
+use super::content_encoding::EncodedContent;
+use super::representation::{IMMUTABLE, REVALIDATE};
 use crate::page::{SERVICE_WORKER_FILE, ViewerAssets, ViewerFile, media_type};
 use std::collections::BTreeMap;
 

@@ -2,13 +2,12 @@
 //!
 //! They are compressed when the viewer is built. All are public, and immutable under the hash of all of them.
 
-use super::{problem::Problem, state::AppState};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, Uri, header},
-    response::Response,
-};
+use super::problem::Problem;
+use super::state::AppState;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::response::Response;
 use insula_protocol::route::Route;
 
 const NO_FILE: Problem = Problem::not_found("the viewer of this server has no such file: load the page again");

@@ -1,17 +1,14 @@
 //! Which routes compute, and the queues in which their work waits.
 
-use super::{
-    client_usage::default_share,
-    fair_queue::{FairQueue, QueueLimits},
-};
+use super::client_usage::default_share;
+use super::fair_queue::{FairQueue, QueueLimits};
 use crate::config::{AnalysesConfig, DrawingsConfig, ServeConfig};
-use axum::{extract::FromRequestParts, http::request::Parts};
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
 use insula_protocol::route::RouteTemplate;
-use std::{
-    convert::Infallible,
-    net::{IpAddr, Ipv4Addr},
-    time::Duration,
-};
+use std::convert::Infallible;
+use std::net::{IpAddr, Ipv4Addr};
+use std::time::Duration;
 
 /// Requests that wait for a place, where no setting says otherwise.
 const MAX_WAITING: usize = 256;

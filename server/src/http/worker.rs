@@ -2,32 +2,25 @@
 //!
 //! A worker responds with a tile without waking another thread. New connections go to the worker with the fewest.
 
-use super::{
-    client_usage::{ClientSlot, client_network},
-    connection::{self, connection_builder},
-    connection_state::{ClientTimeouts, ConnectionState},
-    service::HttpService,
-    stream_progress::StreamExecutor,
-    tls::TlsIdentity,
-    turns::InTurn,
-};
+use super::client_usage::{ClientSlot, client_network};
+use super::connection::{self, connection_builder};
+use super::connection_state::{ClientTimeouts, ConnectionState};
+use super::service::HttpService;
+use super::stream_progress::StreamExecutor;
+use super::tls::TlsIdentity;
+use super::turns::InTurn;
 use crate::config::ServeConfig;
 use hyper_util::server::conn::auto;
 use slab::Slab;
-use std::{
-    io,
-    net::{IpAddr, TcpStream},
-    sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed},
-    },
-    time::{Duration, Instant},
-};
-use tokio::{
-    sync::{OwnedSemaphorePermit, mpsc, oneshot},
-    task::AbortHandle,
-    time::{sleep, timeout},
-};
+use std::io;
+use std::net::{IpAddr, TcpStream};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU64, AtomicUsize};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot};
+use tokio::task::AbortHandle;
+use tokio::time::{sleep, timeout};
 
 /// Accepted connections that may wait for one worker.
 const QUEUE_LENGTH: usize = 256;

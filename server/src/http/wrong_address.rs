@@ -1,20 +1,17 @@
 //! What people get at addresses that no page has: the page that was meant, or one that says what is wrong. Programs get the problem.
 
-use super::{
-    accept::accepts,
-    page_response::{relative, relative_root},
-    problem::{NO_ROUTE, Problem},
-    response::NO_REFERRER,
-    state::AppState,
-};
+use super::accept::accepts;
+use super::page_response::{relative, relative_root};
+use super::problem::{NO_ROUTE, Problem};
+use super::response::NO_REFERRER;
+use super::state::AppState;
 use crate::page::{self, CityListPage, escape_html};
-use axum::{
-    body::Body,
-    extract::State,
-    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
-    response::{IntoResponse, Response},
-};
-use insula_protocol::{manifest::is_name, route};
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use insula_protocol::manifest::is_name;
+use insula_protocol::route;
 
 /// Longest path for which another one is looked for.
 const MAX_PATH_BYTES: usize = 512;

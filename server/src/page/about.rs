@@ -1,10 +1,8 @@
 //! What a page says about a city, without the viewer: extent, size, sources, and the command that opens it.
 
-use super::{
-    CityFacts, CityLinks,
-    html::{credit, escape_html},
-    texts::SiteTexts,
-};
+use super::html::{credit, escape_html};
+use super::texts::SiteTexts;
+use super::{CityFacts, CityLinks};
 use std::fmt::Write;
 
 /// Adds the description of a city after its title.

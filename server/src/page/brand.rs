@@ -1,15 +1,15 @@
 //! The looks that an office gives its pages: name, logo, colour, imprint and first views.
 
-use super::{SITE_TITLE, html::escape_html};
+use super::SITE_TITLE;
+use super::html::escape_html;
 use crate::config::SiteConfig;
-use base64::{Engine, engine::general_purpose::STANDARD};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use insula_archive::file::read_limited;
-use std::{
-    collections::BTreeMap,
-    fmt::Write,
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// Largest logo in bytes: it is part of each page.
 const MAX_LOGO_BYTES: u64 = 48 << 10;

@@ -3,12 +3,10 @@
 //! Its text is complete without scripts. The viewer takes the manifest from the page, and its files are named in the head, so
 //! that the browser fetches all of them at once.
 
-use super::{
-    Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets,
-    about::{description, push_about},
-    html::{escape_html, script_json},
-    texts::SiteTexts,
-};
+use super::about::{description, push_about};
+use super::html::{escape_html, script_json};
+use super::texts::SiteTexts;
+use super::{Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets};
 use insula_protocol::route::THUMBNAIL_PX;
 use std::fmt::Write;
 

@@ -1,11 +1,9 @@
 //! The page that lists cities, and pages that say what is wrong with an address. They have no scripts.
 
-use super::{
-    Brand, CityFacts, CityLinks,
-    about::{extent_m, push_about},
-    html::{credit, escape_html},
-    texts::SiteTexts,
-};
+use super::about::{extent_m, push_about};
+use super::html::{credit, escape_html};
+use super::texts::SiteTexts;
+use super::{Brand, CityFacts, CityLinks};
 use std::fmt::Write;
 
 /// A page ends early at this size.

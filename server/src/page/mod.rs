@@ -17,11 +17,10 @@ pub use assets::{ViewerAssets, ViewerFile};
 pub(crate) use brand::Brand;
 pub(crate) use city_page::city_page;
 pub(crate) use html::escape_html;
+use insula_protocol::Manifest;
 pub(crate) use list_page::{CityInList, CityListPage};
 pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
 pub(crate) use texts::{Languages, SiteTexts};
-
-use insula_protocol::Manifest;
 
 /// Says how to get the viewer, on the pages of a server that was built without it.
 pub(crate) const NO_VIEWER: &str =

@@ -1,7 +1,8 @@
 //! The Content-Security-Policy of pages.
 
 use super::list_page::STYLE;
-use base64::{Engine, engine::general_purpose::STANDARD};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 

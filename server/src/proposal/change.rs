@@ -2,22 +2,16 @@
 
 use super::{AddTable, Proposal, ProposalError};
 use crate::area_file::read_polygons;
-use insula_analysis::{
-    proposal::Addition,
-    surface::{Building, CitySurface},
-};
+use insula_analysis::proposal::Addition;
+use insula_analysis::surface::{Building, CitySurface};
 use insula_bake::read::{self, EarthPlace, PlacingOptions, ReadOptions};
-use insula_export::{
-    selection::{Polygon, passing},
-    source::ExportSource,
-};
+use insula_export::selection::{Polygon, passing};
+use insula_export::source::ExportSource;
 use insula_objects::filter::Filter;
 use insula_protocol::text::printable;
 use roaring::RoaringBitmap;
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 /// All of a model is so near to its place.
 const FAR_M: f64 = 2000.0;

@@ -4,10 +4,8 @@ use super::{Proposal, ProposalError};
 use insula_bake::read::EarthPlace;
 use insula_export::source::ExportSource;
 use serde_json::{Value, json};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Most triangles that the proposals of a city add together: their document is in a page's memory.
 const MOST_TRIANGLES: usize = 1 << 18;

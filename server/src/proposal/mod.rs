@@ -6,11 +6,10 @@ mod shapes;
 
 pub use change::ProposedChange;
 pub(crate) use document::document;
-pub use shapes::{ProposedObject, ProposedObjects};
-
 use insula_archive::file::read_text;
 use insula_bake::read::named_paths;
 use serde::Deserialize;
+pub use shapes::{ProposedObject, ProposedObjects};
 use std::path::{Path, PathBuf};
 
 const MAX_BYTES: u64 = 1 << 20;

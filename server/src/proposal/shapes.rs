@@ -1,20 +1,17 @@
 //! What viewers show of a proposal: triangles on the ground of a city, and the objects that are hidden.
 
-use super::{
-    Proposal, ProposalError, ProposedChange,
-    change::{AddedShape, NOTHING_REMOVED, name_of},
-};
+use super::change::{AddedShape, NOTHING_REMOVED, name_of};
+use super::{Proposal, ProposalError, ProposedChange};
 use insula_analysis::proposal::Addition;
 use insula_bake::read::{
     AddedContent, AddedInput, BuildingHeight, GroundPlans, PrismMaterials, ProposalOptions, RemovedObject, Triangulator,
 };
-use insula_export::{
-    leaves::is_land,
-    selection::{ObjectSelection, Polygon, SelectedArea},
-    source::ExportSource,
-};
+use insula_export::leaves::is_land;
+use insula_export::selection::{ObjectSelection, Polygon, SelectedArea};
+use insula_export::source::ExportSource;
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds};
-use insula_protocol::{object_tile::block_of_object, text::printable};
+use insula_protocol::object_tile::block_of_object;
+use insula_protocol::text::printable;
 use std::collections::BTreeSet;
 
 /// Parts of parts are removed with them, so deep at most.

@@ -1,15 +1,15 @@
 //! A set of cities from folders, object stores and web servers.
 
-use super::{
-    city::CityStore, error::StoreError, folder_reads::FolderReads, remote::RemoteCity, requests::StoreMetrics,
-};
-use std::{
-    collections::BTreeMap,
-    ops::Bound,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use super::city::CityStore;
+use super::error::StoreError;
+use super::folder_reads::FolderReads;
+use super::remote::RemoteCity;
+use super::requests::StoreMetrics;
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// How long, and how many, replaced versions stay open.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,24 +1,19 @@
 //! An open city, and the identity of its files, by which a replacement is noticed.
 
-use super::{
-    error::StoreError,
-    search::{CityIndex, SearchFile, SearchFileError},
-};
+use super::error::StoreError;
+use super::search::{CityIndex, SearchFile, SearchFileError};
 use bytes::Bytes;
-use insula_archive::{
-    BakedCity,
-    city::{MANIFEST_FILE, SEARCH_FILE, first_city_in},
-    file::open_regular,
-    open_files::FileIdentity,
-};
-use insula_protocol::{TileKind, route::THUMBNAIL_FILE};
-use std::{
-    fs,
-    io::{self, Read},
-    ops::Deref,
-    path::{Path, PathBuf},
-    sync::atomic::{AtomicU64, Ordering},
-};
+use insula_archive::BakedCity;
+use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE, first_city_in};
+use insula_archive::file::open_regular;
+use insula_archive::open_files::FileIdentity;
+use insula_protocol::TileKind;
+use insula_protocol::route::THUMBNAIL_FILE;
+use std::fs;
+use std::io::{self, Read};
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Attempts to open a city that is replaced meanwhile.
 const MAX_ATTEMPTS: usize = 5;

@@ -4,10 +4,8 @@ use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_export::source::{ExportSource, SourceError};
 use insula_objects::{ObjectBlock, Schema};
-use insula_protocol::{
-    BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
-    object_tile::{self, SCHEMA_ID, block_id},
-};
+use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
+use insula_protocol::{BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile};
 use std::fmt::Display;
 
 /// Reads a tile by its place in the archive; `None` if there is no such tile.

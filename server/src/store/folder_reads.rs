@@ -3,22 +3,16 @@
 //! A thread that waits for such a file system cannot be stopped. It is left alone: until it ends, its folder counts as one that does not
 //! respond, and all others are read. The check after its end uses what it has read. So slow cities are opened, too, only later.
 
-use super::{
-    city::{CityStamp, CityStore},
-    error::StoreError,
-};
-use insula_archive::{city::MANIFEST_FILE, limits::MAX_OPENING_TIME};
-use std::{
-    collections::HashMap,
-    fs, io,
-    path::{Path, PathBuf},
-    sync::{
-        Mutex, PoisonError,
-        mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel},
-    },
-    thread,
-    time::Duration,
-};
+use super::city::{CityStamp, CityStore};
+use super::error::StoreError;
+use insula_archive::city::MANIFEST_FILE;
+use insula_archive::limits::MAX_OPENING_TIME;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+use std::{fs, io, thread};
 
 /// Reads of one kind that do not end, before the others get [`SHORT_READ_TIME`] only: a check must not wait for each city of a disk.
 const PATIENT_READS: usize = 4;

@@ -1,16 +1,14 @@
 //! The objects of an opened city on disk: their schema, and blocks that are read and decoded as needed.
 
 use insula_archive::BakedCity;
-use insula_objects::{
-    ObjectBlock, ObjectRecord, Schema, Value,
-    family::{PartValues, inherit},
-};
-use insula_protocol::{
-    TileKind,
-    object_tile::{self, SCHEMA_ID, block_of_object},
-};
+use insula_objects::family::{PartValues, inherit};
+use insula_objects::{ObjectBlock, ObjectRecord, Schema, Value};
+use insula_protocol::TileKind;
+use insula_protocol::object_tile::{self, SCHEMA_ID, block_of_object};
 use lru::LruCache;
-use std::{cell::RefCell, num::NonZeroUsize, sync::Arc};
+use std::cell::RefCell;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 /// Decoded blocks that are kept.
 const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(64).unwrap();

@@ -3,20 +3,16 @@
 //! A city that cannot be opened does not replace the version that is served. The start of a server is the first check, at which no
 //! city is known yet.
 
-use super::{
-    cities::{CityFolders, RetentionPolicy, Store, StoreReload, city_folders},
-    city::{CityStamp, CityStore},
-    error::StoreError,
-    remote::RemoteCity,
-};
+use super::cities::{CityFolders, RetentionPolicy, Store, StoreReload, city_folders};
+use super::city::{CityStamp, CityStore};
+use super::error::StoreError;
+use super::remote::RemoteCity;
 use futures_util::{StreamExt as _, stream};
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    io,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Instant,
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
 
 /// Consecutive checks that must miss a city, or its whole folder, before it is removed: `bake` replaces a folder by two renames.
 const MAX_ABSENT_CHECKS: u32 = 3;

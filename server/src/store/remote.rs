@@ -3,29 +3,25 @@
 //! Archives are looked for in a folder of the version's name below the city's URL first. So a new version can be uploaded
 //! beside the old one, and `city.json` last: readers never see half of a version.
 
-use super::{
-    city::{CityStamp, CityStore},
-    error::StoreError,
-    requests::{RemoteObject, StoreRequests, read_body},
-    same_host::SameHostConnector,
-    search::SearchFile,
-};
-use insula_archive::{
-    Archive, BakedCity, CityArchives, CityError, ReadError,
-    block_cache::BlockCache,
-    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, parse_manifest},
-    limits::MAX_OPENING_TIME,
-};
-use insula_protocol::{TileKind, route::without_secrets};
-use object_store::{
-    ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
-    path::Path,
-};
-use std::{sync::Arc, time::Instant};
-use tokio::{
-    runtime::Handle,
-    task::{JoinError, spawn_blocking},
-};
+use super::city::{CityStamp, CityStore};
+use super::error::StoreError;
+use super::requests::{RemoteObject, StoreRequests, read_body};
+use super::same_host::SameHostConnector;
+use super::search::SearchFile;
+use insula_archive::block_cache::BlockCache;
+use insula_archive::city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, parse_manifest};
+use insula_archive::limits::MAX_OPENING_TIME;
+use insula_archive::{Archive, BakedCity, CityArchives, CityError, ReadError};
+use insula_protocol::TileKind;
+use insula_protocol::route::without_secrets;
+use object_store::aws::AmazonS3Builder;
+use object_store::http::HttpBuilder;
+use object_store::path::Path;
+use object_store::{ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig};
+use std::sync::Arc;
+use std::time::Instant;
+use tokio::runtime::Handle;
+use tokio::task::{JoinError, spawn_blocking};
 
 /// A city's URL, and where it is in its store.
 #[derive(Debug, Clone)]

@@ -3,21 +3,21 @@
 use crate::config::BlockCacheConfig;
 use bytes::{Bytes, BytesMut};
 use futures_util::TryStreamExt;
-use insula_archive::{
-    ReadError,
-    block_cache::{BlockCache, BlockCacheOptions, BlockEvent, BlockObject},
-    source::BoxFuture,
-};
-use object_store::{GetOptions, GetRange, GetResult, ObjectStore, path::Path};
-use prometheus_client::{
-    metrics::{counter::Counter, family::Family, histogram::Histogram},
-    registry::Registry,
-};
-use std::{io, ops::Range, sync::Arc, time::Duration};
-use tokio::{
-    sync::Semaphore,
-    time::{Instant, sleep, timeout},
-};
+use insula_archive::ReadError;
+use insula_archive::block_cache::{BlockCache, BlockCacheOptions, BlockEvent, BlockObject};
+use insula_archive::source::BoxFuture;
+use object_store::path::Path;
+use object_store::{GetOptions, GetRange, GetResult, ObjectStore};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::Registry;
+use std::io;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Semaphore;
+use tokio::time::{Instant, sleep, timeout};
 
 const FIRST_WAIT: Duration = Duration::from_millis(20);
 const LONGEST_WAIT: Duration = Duration::from_secs(1);

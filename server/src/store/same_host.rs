@@ -1,10 +1,8 @@
 //! The HTTP client for object stores, and for cities behind web servers. A server may be hostile, so it cannot send this machine elsewhere.
 
 use insula_command_line::http::{self, Elsewhere, Redirects};
-use object_store::{
-    ClientOptions, Result,
-    client::{HttpClient, HttpConnector},
-};
+use object_store::client::{HttpClient, HttpConnector};
+use object_store::{ClientOptions, Result};
 use std::time::Duration;
 
 const CONNECT: Duration = Duration::from_secs(5);

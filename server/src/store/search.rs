@@ -5,20 +5,16 @@
 //! truncated, the next access ends the process.
 
 use super::requests::RemoteObject;
-use insula_archive::{
-    RangeSource as _,
-    block_cache::BlockObject,
-    city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-    file_source::FileSource,
-};
+use insula_archive::RangeSource as _;
+use insula_archive::block_cache::BlockObject;
+use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
+use insula_archive::file_source::FileSource;
 use insula_objects::search::SearchIndex;
 use insula_protocol::manifest::CityMarks;
-use std::{
-    io,
-    path::Path,
-    sync::{Arc, Mutex, PoisonError, Weak},
-    time::{Duration, Instant},
-};
+use std::io;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 
 /// Bytes of one read. Of an object store, each must arrive within a third of the timeout.

@@ -1,16 +1,12 @@
 //! Opens cities for the first time: the check of a store that knows none yet.
 
-use super::{
-    cities::{RetentionPolicy, Store, StoreReload},
-    error::StoreError,
-    remote::RemoteCity,
-    requests::{StoreMetrics, StoreRequests},
-};
+use super::cities::{RetentionPolicy, Store, StoreReload};
+use super::error::StoreError;
+use super::remote::RemoteCity;
+use super::requests::{StoreMetrics, StoreRequests};
 use crate::config::BlockCacheConfig;
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 impl Store {
     /// Opens city folders; a folder that is no city stands for all cities directly inside it. Fails if there is no city, one

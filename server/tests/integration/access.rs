@@ -1,13 +1,12 @@
 //! Tokens, share links and private cities on a running server.
 
 use crate::test_server::{TILE, TestServer, assert_problem, exchange};
-use insula_server::{
-    config::{AccessConfig, CorsPolicy, ServeConfig},
-    http::{HttpServer, ServeError},
-    store::Store,
-};
+use insula_server::config::{AccessConfig, CorsPolicy, ServeConfig};
+use insula_server::http::{HttpServer, ServeError};
+use insula_server::store::Store;
 use insula_test_support::small_city;
-use std::{path::Path, process::Command};
+use std::path::Path;
+use std::process::Command;
 
 const TOKEN: &str = "Authorization: Bearer 0123456789abcdef-office\r\n";
 

@@ -1,14 +1,12 @@
 //! `bake` of files on web servers: where redirects may lead, and what becomes of secrets in addresses.
 
 use insula_test_support::http::{self, Request};
-use std::{
-    fs,
-    io::Write,
-    net::{SocketAddr, TcpStream},
-    path::Path,
-    process::{Command, Output, Stdio},
-    sync::{Arc, Mutex},
-};
+use std::fs;
+use std::io::Write;
+use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::{Arc, Mutex};
 
 const HOUSE: &str = r#"{"type":"FeatureCollection","features":[{"type":"Feature","properties":{"height":9},"geometry":
     {"type":"Polygon","coordinates":[[[139.7,35.2],[139.7002,35.2],[139.7002,35.2001],[139.7,35.2001],[139.7,35.2]]]}}]}"#;

@@ -1,17 +1,15 @@
 //! Analyses over HTTP: the numbers of `insula-server analyse`, areas that cover what was asked for, and the limits of the route.
 
-use crate::{
-    test_server::{JSON, TestServer, assert_problem, post},
-    web_pages,
-};
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpService},
-    store::Store,
-};
+use crate::test_server::{JSON, TestServer, assert_problem, post};
+use crate::web_pages;
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpService};
+use insula_server::store::Store;
 use insula_test_support::small_city;
 use serde_json::{Value, json};
-use std::{fs, path::Path, process::Command};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
 
 const PATH: &str = "/v1/cities/house/analyse";
 /// The house is 20 m wide, 12 m deep and 9 m high.

@@ -1,15 +1,14 @@
 //! What hostile inputs and careless arguments cannot do: destroy files, use more memory than allowed, publish files from
 //! elsewhere.
 
-use flate2::{Compression, write::GzEncoder};
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use insula_test_support::folder::tree;
 use serde_json::{Value, json};
-use std::{
-    fs,
-    io::Write,
-    path::PathBuf,
-    process::{Command, Output},
-};
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// A folder with files for one test.

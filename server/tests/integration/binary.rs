@@ -1,16 +1,12 @@
 //! The built program, driven from outside.
 
 use crate::test_server::PATIENCE;
-use insula_test_support::{
-    programs::{ServerProcess, path_text as text},
-    small_city,
-};
-use std::{
-    io::{Read, Write},
-    net::TcpStream,
-    path::Path,
-    process::{Command, Output, Stdio},
-};
+use insula_test_support::programs::{ServerProcess, path_text as text};
+use insula_test_support::small_city;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
 
 fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));

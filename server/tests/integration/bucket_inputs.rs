@@ -1,13 +1,11 @@
 //! `bake` and `inspect` of files in a bucket: the same city as from a folder.
 
 use insula_test_support::http::{self, Request};
-use std::{
-    fs,
-    io::Write,
-    net::{SocketAddr, TcpListener, TcpStream},
-    path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
-};
+use std::fs;
+use std::io::Write;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 
 /// Answers what an object store does for one bucket whose objects are the files of a folder: sizes, ranges and one list.
 struct FakeBucket {

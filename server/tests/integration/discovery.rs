@@ -2,13 +2,12 @@
 
 use crate::web_pages::viewer;
 use insula_archive::owned::FileMark;
-use insula_server::{args::PublishArgs, commands::publish_site};
+use insula_server::args::PublishArgs;
+use insula_server::commands::publish_site;
 use insula_test_support::small_city;
 use serde_json::Value;
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 fn publish(cities: &[PathBuf], out: &Path, tileset: bool) -> Result<(), String> {
     let (cities, out) = (cities.to_vec(), out.to_owned());

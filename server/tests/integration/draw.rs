@@ -2,19 +2,16 @@
 
 use crate::test_server::{JSON, TestServer, assert_problem, post};
 use insula_analysis::eye::lifted_camera;
-use insula_draw::{
-    DrawLimits, DrawRequest, DrawnPart, draw, draw_part,
-    file::{DrawingFormat, encode},
-    sheet::Paper,
-    style::Stylesheet,
-    view::DrawView,
-};
-use insula_export::{camera::ExportCamera, selection::ObjectSelection};
+use insula_draw::file::{DrawingFormat, encode};
+use insula_draw::sheet::Paper;
+use insula_draw::style::Stylesheet;
+use insula_draw::view::DrawView;
+use insula_draw::{DrawLimits, DrawRequest, DrawnPart, draw, draw_part};
+use insula_export::camera::ExportCamera;
+use insula_export::selection::ObjectSelection;
 use insula_objects::Schema;
-use insula_server::{
-    config::ServeConfig,
-    store::{CityStore, StoredCity},
-};
+use insula_server::config::ServeConfig;
+use insula_server::store::{CityStore, StoredCity};
 use insula_test_support::small_city;
 use std::fs;
 use tokio::io::AsyncWriteExt;

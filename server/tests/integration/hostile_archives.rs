@@ -2,7 +2,10 @@
 
 use insula_server::store::{RetentionPolicy, Store};
 use insula_test_support::small_city;
-use std::{fs, path::Path, process::Command, time::Duration};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
 
 /// Writes something hostile at a path.
 type Attack = fn(&Path);

@@ -1,23 +1,22 @@
 //! All routes, tested without a port.
 
-use axum::{
-    body::Body,
-    http::{HeaderMap, Method, Request, StatusCode},
-};
+use axum::body::Body;
+use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
-use insula_protocol::{
-    Manifest, TileGroup, TileId, TileKind,
-    codec::bincode,
-    route::{self, RouteTemplate},
-    tile_group::{self, GroupMember},
-};
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpService},
-    store::Store,
-};
+use insula_protocol::codec::bincode;
+use insula_protocol::route::{self, RouteTemplate};
+use insula_protocol::tile_group::{self, GroupMember};
+use insula_protocol::{Manifest, TileGroup, TileId, TileKind};
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpService};
+use insula_server::store::Store;
 use insula_test_support::small_city;
-use std::{borrow::Cow, collections::BTreeSet, os::unix::fs::FileExt, path::Path, sync::OnceLock, time::Instant};
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+use std::sync::OnceLock;
+use std::time::Instant;
 use tower::ServiceExt;
 
 const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";

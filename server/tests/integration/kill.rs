@@ -2,15 +2,12 @@
 
 use crate::test_server::PATIENCE;
 use insula_test_support::rng::Rng;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fmt::Write,
-    fs,
-    path::{Path, PathBuf},
-    process::{Command, ExitStatus, Stdio},
-    thread,
-    time::{Duration, Instant},
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+use std::{fs, thread};
 
 /// Pause between two looks at the files of a bake.
 const POLL: Duration = Duration::from_millis(1);

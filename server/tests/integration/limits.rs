@@ -4,7 +4,8 @@ use crate::test_server::{PATIENCE, TILE, TestServer, assert_problem, exchange, h
 use insula_server::store::{RetentionPolicy, Store};
 use insula_test_support::small_city;
 use std::time::Duration;
-use tokio::{io::AsyncWriteExt, time::timeout};
+use tokio::io::AsyncWriteExt;
+use tokio::time::timeout;
 
 const ATTACKER: [u8; 4] = [127, 0, 0, 2];
 

@@ -3,24 +3,18 @@
 use crate::test_server::{
     PATIENCE, TILE, TestServer, assert_problem, exchange, http2, read_to_end, replace_city, stall,
 };
-use insula_server::{
-    config::{LimitsConfig, ServeConfig},
-    http::serve,
-    store::Store,
-};
+use insula_server::config::{LimitsConfig, ServeConfig};
+use insula_server::http::serve;
+use insula_server::store::Store;
 use insula_test_support::small_city;
-use std::{
-    future::pending,
-    path::Path,
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    io::{AsyncReadExt, AsyncWriteExt},
-    net::{TcpListener, TcpStream},
-    sync::oneshot,
-    time::{sleep, timeout},
-};
+use std::future::pending;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::oneshot;
+use tokio::time::{sleep, timeout};
 
 #[tokio::test]
 async fn malformed_requests_are_problems() {
@@ -277,10 +271,10 @@ async fn a_server_that_goes_still_accepts_connections() {
 
 mod tls {
     use super::*;
-    use tokio_rustls::{
-        TlsConnector,
-        rustls::{ClientConfig, RootCertStore, crypto::ring, pki_types::CertificateDer},
-    };
+    use tokio_rustls::TlsConnector;
+    use tokio_rustls::rustls::crypto::ring;
+    use tokio_rustls::rustls::pki_types::CertificateDer;
+    use tokio_rustls::rustls::{ClientConfig, RootCertStore};
 
     /// Writes a new certificate and its key. Returns the certificate.
     fn write_certificate(folder: &Path) -> CertificateDer<'static> {

@@ -1,11 +1,10 @@
 //! Proposals for a city, as its page asks for them.
 
-use crate::{
-    analyse::bake_house,
-    test_server::{TestServer, assert_problem},
-};
+use crate::analyse::bake_house;
+use crate::test_server::{TestServer, assert_problem};
 use serde_json::{Value, json};
-use std::{fs, path::Path};
+use std::fs;
+use std::path::Path;
 
 const PATH: &str = "/v1/cities/house/proposals.json";
 

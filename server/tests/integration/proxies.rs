@@ -2,11 +2,9 @@
 
 use crate::web_pages::{get, service, viewer};
 use axum::http::StatusCode;
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpService},
-    store::Store,
-};
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpService};
+use insula_server::store::Store;
 use insula_test_support::small_city;
 
 /// What browsers send with addresses that people type.

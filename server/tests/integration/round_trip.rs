@@ -1,7 +1,9 @@
 //! Cities that are written for other programs, and baked again.
 
 use serde_json::{Value, json};
-use std::{fs, path::Path, process::Command};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
 
 /// How far heights may be off: a table of undulations is read there and back.
 const HEIGHT_M: f64 = 0.1;

@@ -1,27 +1,20 @@
 //! The search of objects: by HTTP with and without tokens and share links, by the command line, and after a replacement.
 
-use crate::{
-    test_server::{TestServer, assert_problem, replace_city},
-    web_pages::share_query,
-};
+use crate::test_server::{TestServer, assert_problem, replace_city};
+use crate::web_pages::share_query;
 use insula_archive::city::SEARCH_FILE;
-use insula_objects::{FeatureKind, ObjectRecord, Schema, block, search::SearchIndexBuilder};
-use insula_protocol::{
-    TileKind,
-    object_tile::{self, SCHEMA_ID, block_id},
-    route,
-};
-use insula_server::{
-    config::{BlockCacheConfig, ServeConfig},
-    http::{AppState, HttpService},
-    store::{CityStore, Store},
-};
-use insula_test_support::{faulty_host::FaultyHost, small_city};
-use std::{
-    fs,
-    path::Path,
-    process::{Command, Output},
-};
+use insula_objects::search::SearchIndexBuilder;
+use insula_objects::{FeatureKind, ObjectRecord, Schema, block};
+use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
+use insula_protocol::{TileKind, route};
+use insula_server::config::{BlockCacheConfig, ServeConfig};
+use insula_server::http::{AppState, HttpService};
+use insula_server::store::{CityStore, Store};
+use insula_test_support::faulty_host::FaultyHost;
+use insula_test_support::small_city;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
 
 const TOKEN: &str = "Authorization: Bearer 0123456789abcdef-office\r\n";
 const TEXTS: [(&str, u32); 4] = [("Pand.1", 0), ("Oude Kerk", 0), ("Pand.2", 1), ("Markt 87", 1)];
@@ -239,7 +232,8 @@ async fn the_index_of_an_older_version_stays_that_of_its_city() {
 
 #[tokio::test]
 async fn many_searches_at_once_are_all_answered() {
-    use axum::{body::Body, http::Request};
+    use axum::body::Body;
+    use axum::http::Request;
     use tower::ServiceExt;
     let folder = small_city::temporary_city();
     add_objects(folder.path());

@@ -2,16 +2,12 @@
 
 use crate::test_server::{PATIENCE, replace_city};
 use insula_protocol::{TileKind, mesh_tile};
-use insula_server::{
-    config::BlockCacheConfig,
-    store::{CityStore, RetentionPolicy, Store, StoreError},
-};
+use insula_server::config::BlockCacheConfig;
+use insula_server::store::{CityStore, RetentionPolicy, Store, StoreError};
 use insula_test_support::small_city;
-use std::{
-    io::{Read, Write},
-    net::{TcpListener, TcpStream},
-    sync::mpsc::sync_channel,
-};
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::mpsc::sync_channel;
 
 #[test]
 fn a_folder_of_cities_opens_all_of_them() {

@@ -1,8 +1,10 @@
 //! What the program prints of a city that somebody else made.
 
-use insula_protocol::{manifest::Attribution, text::printable};
+use insula_protocol::manifest::Attribution;
+use insula_protocol::text::printable;
 use insula_test_support::small_city;
-use std::{fs, process::Command};
+use std::fs;
+use std::process::Command;
 
 /// Sets the title of a terminal, clears it, and writes backwards.
 const EVIL: &str = "x\u{1b}]0;evil\u{7}\u{1b}[2J\u{9b}31m\u{202e}\r\n0 faults";

@@ -2,25 +2,20 @@
 
 use bytes::Bytes;
 use h2::client::{ResponseFuture, SendRequest};
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpServer, ServeError},
-    store::Store,
-};
-use insula_test_support::{programs::wait_until, small_city};
-use std::{
-    net::SocketAddr,
-    path::Path,
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    io::{AsyncReadExt, AsyncWriteExt},
-    net::{TcpListener, TcpSocket, TcpStream},
-    sync::{Notify, oneshot},
-    task::JoinHandle,
-    time::{sleep, timeout},
-};
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpServer, ServeError};
+use insula_server::store::Store;
+use insula_test_support::programs::wait_until;
+use insula_test_support::small_city;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::sync::{Notify, oneshot};
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
 
 pub(crate) const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
 /// Header of requests with a body.

@@ -1,9 +1,7 @@
 //! Cities as 3D Tiles over HTTP: files that are made when they are asked for, versions, tokens, and damaged cities.
 
-use crate::{
-    test_server::{TestServer, assert_problem},
-    web_pages::share_query,
-};
+use crate::test_server::{TestServer, assert_problem};
+use crate::web_pages::share_query;
 use insula_protocol::{TileKind, route};
 use insula_server::config::ServeConfig;
 use insula_test_support::small_city;

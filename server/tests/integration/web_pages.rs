@@ -2,22 +2,21 @@
 //! needs another compiler.
 
 use crate::test_server::{TestServer, assert_problem, replace_city};
-use axum::{
-    body::Body,
-    http::{HeaderMap, Request, StatusCode},
-};
+use axum::body::Body;
+use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
 use insula_protocol::manifest::Attribution;
-use insula_server::{
-    args::PublishArgs,
-    commands::publish_site,
-    config::ServeConfig,
-    http::{AppState, HttpService},
-    page::{ViewerAssets, ViewerFile},
-    store::Store,
-};
-use insula_test_support::{folder::tree, small_city};
-use std::{collections::BTreeSet, fs, path::Path};
+use insula_server::args::PublishArgs;
+use insula_server::commands::publish_site;
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpService};
+use insula_server::page::{ViewerAssets, ViewerFile};
+use insula_server::store::Store;
+use insula_test_support::folder::tree;
+use insula_test_support::small_city;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
 use tower::ServiceExt;
 
 const HASH: &str = "00112233445566ff";

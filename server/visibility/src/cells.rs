@@ -1,16 +1,12 @@
 //! The cells of a city, and their sets.
 
-use crate::{
-    heights::{CityExtent, CityHeights, LeafRectangle},
-    row_tables::{MainAxis, RowTables},
-    settings::Settings,
-    sweep::{LayerNumber, Sweep, ViewCell},
-    windows::{LowestWindows, WINDOW_SIDE},
-};
-use insula_protocol::{
-    BlockMap, TileId, VisibilityTile,
-    visibility_tile::{LAYERS, SCALE_LEVELS, SCALES, UNSEEN, VisibleCell, block_of_leaf},
-};
+use crate::heights::{CityExtent, CityHeights, LeafRectangle};
+use crate::row_tables::{MainAxis, RowTables};
+use crate::settings::Settings;
+use crate::sweep::{LayerNumber, Sweep, ViewCell};
+use crate::windows::{LowestWindows, WINDOW_SIDE};
+use insula_protocol::visibility_tile::{LAYERS, SCALE_LEVELS, SCALES, UNSEEN, VisibleCell, block_of_leaf};
+use insula_protocol::{BlockMap, TileId, VisibilityTile};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 

@@ -2,7 +2,8 @@
 //!
 //! They come from the shapes of all nodes without children; `windows` makes tables of them.
 
-use crate::{height_scale::HeightScale, shape::NodeShape};
+use crate::height_scale::HeightScale;
+use crate::shape::NodeShape;
 use insula_protocol::{BlockMap, NODE_CELLS, TileId};
 use rayon::prelude::*;
 use std::collections::HashMap;

@@ -4,11 +4,10 @@
 //! only if the gap is closed on all sides, as between the floor and the roof of a hall ([`NodeShape::open_gaps`]).
 
 use crate::height_scale::HeightScale;
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows},
-    octahedral,
+use insula_protocol::blockmap::{
+    CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows,
 };
+use insula_protocol::{BlockMap, NODE_CELLS, octahedral};
 
 /// The four sides of a cell: east, north, west, south.
 const SIDES: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];

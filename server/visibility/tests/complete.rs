@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId, VisibilityTile,
-    blockmap::{COLUMNS, MapColumn, STEPS_PER_CELL, WallStrip, strip_rows},
-    visibility_tile::block_of_leaf,
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn, STEPS_PER_CELL, WallStrip, strip_rows};
+use insula_protocol::visibility_tile::block_of_leaf;
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId, VisibilityTile};
 use insula_test_support::rng::Rng;
 use insula_visibility::{CityExtent, CitySets, Settings};
 

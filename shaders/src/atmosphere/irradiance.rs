@@ -4,8 +4,11 @@
 //! visible ones. Water vapour and the uniformly mixed gases absorb, too. The amount of particles follows from the definition
 //! of Linke's turbidity. Pictures have Preetham's, without absorption: at turbidity 3 an optical depth of 0.11, here 0.10.
 
-use super::{Amounts, Atmosphere, MIE_EXPONENT, MIE_HEIGHT_M, OZONE_HALF_M, RAYLEIGH_HEIGHT_M, SUN_LOW};
-use super::{by_molecules, columns, disc_share, hemisphere, rayleigh, spectrum::Spectrum};
+use super::spectrum::Spectrum;
+use super::{
+    Amounts, Atmosphere, MIE_EXPONENT, MIE_HEIGHT_M, OZONE_HALF_M, RAYLEIGH_HEIGHT_M, SUN_LOW, by_molecules, columns,
+    disc_share, hemisphere, rayleigh,
+};
 use glam::DVec3;
 use std::f64::consts::PI;
 

@@ -2,17 +2,14 @@
 //!
 //! On the CPU, [`ColumnVisit::read`] reads a column once. On the GPU, `meets` reads it again for each solid.
 
-use super::{
-    fast_math::fast_min,
-    ray::Ray,
-    words::{azimuth_direction, azimuth_of, clip_offset_of, flags_of, halves, high_of, low_of},
-};
-use crate::{
-    layout::{ATTRIBUTE_PLANE, STRIP_PLANE, WALK_PLANE},
-    pack::{CLIP_CONCAVE, CLIP_CORNER, head_words, slope_codes},
-};
+use super::fast_math::fast_min;
+use super::ray::Ray;
+use super::words::{azimuth_direction, azimuth_of, clip_offset_of, flags_of, halves, high_of, low_of};
+use crate::layout::{ATTRIBUTE_PLANE, STRIP_PLANE, WALK_PLANE};
+use crate::pack::{CLIP_CONCAVE, CLIP_CORNER, head_words, slope_codes};
 use glam::{IVec2, Vec2, Vec3Swizzles};
-use insula_protocol::{NODE_CELLS, blockmap::flag};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
 
 /// The face of a solid through which the ray enters.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -4,10 +4,8 @@
 //! share of the sky in 8 bits above.
 
 use super::ray::Ray;
-use crate::{
-    layout::DrawNode,
-    mesh::{HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_OCCLUSION_BIT, LANDMARK_VEC4S},
-};
+use crate::layout::DrawNode;
+use crate::mesh::{HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_OCCLUSION_BIT, LANDMARK_VEC4S};
 use glam::{Vec2, Vec3};
 
 /// Least cosine between a smooth normal and the direction to the viewer. At silhouettes, interpolated normals can turn away.

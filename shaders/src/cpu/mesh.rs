@@ -2,19 +2,15 @@
 //!
 //! A ray visits boxes in boxes, the nearer half first, and tests the triangles of those that it meets.
 
-use super::{
-    fast_math::nonzero,
-    landmark::{TrianglePoint, landmark_at, triangle_stride},
-    mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
-    objects::{is_hidden, object_colour, object_of_triangle},
-    ray::{Ray, RayHit},
-    shade::linear_of,
-    words::halves,
-};
-use crate::{
-    layout::{FrameUniform, MESH_FLAG, Shading},
-    mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK},
-};
+use super::fast_math::nonzero;
+use super::landmark::{TrianglePoint, landmark_at, triangle_stride};
+use super::mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light};
+use super::objects::{is_hidden, object_colour, object_of_triangle};
+use super::ray::{Ray, RayHit};
+use super::shade::linear_of;
+use super::words::halves;
+use crate::layout::{FrameUniform, MESH_FLAG, Shading};
+use crate::mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK};
 use glam::Vec3;
 use insula_protocol::blockmap::flag;
 

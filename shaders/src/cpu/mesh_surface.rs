@@ -3,20 +3,18 @@
 //! A mesh has no ambient occlusion of its own: it takes that of the columns that it replaces, so that neither of the
 //! two is darker than the other.
 
-use super::{
-    column::bounds_of,
-    node::{column_word, planes_of},
-    ray::Ray,
-    words::{ao_of, codes_per_row, flags_of, halves, is_open},
-};
-use crate::{
-    layout::{ADDED_LEVEL, DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
-    mesh::{LEAF_OFFSET_STEPS, LEVELS_MASK, TEXTURE_TILE_PX},
-    pack::head_words,
-    srgb::linear_of_srgb,
-};
+use super::column::bounds_of;
+use super::node::{column_word, planes_of};
+use super::ray::Ray;
+use super::words::{ao_of, codes_per_row, flags_of, halves, is_open};
+use crate::layout::{ADDED_LEVEL, DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE};
+use crate::mesh::{LEAF_OFFSET_STEPS, LEVELS_MASK, TEXTURE_TILE_PX};
+use crate::pack::head_words;
+use crate::srgb::linear_of_srgb;
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
-use insula_protocol::{NODE_CELLS, blockmap::flag, texel::AO_MAX};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
+use insula_protocol::texel::AO_MAX;
 
 /// Share of the sky where no column is near.
 pub(crate) const UNKNOWN_AO: f32 = 0.7;

@@ -1,11 +1,9 @@
 //! What shines at night: stars, the moon, lamps, lit windows. GPU twin: `night.wgsl`.
 
-use super::{
-    node::column_word,
-    ray::SceneRef,
-    surface::{SurfaceSample, rgb},
-    words::low_of,
-};
+use super::node::column_word;
+use super::ray::SceneRef;
+use super::surface::{SurfaceSample, rgb};
+use super::words::low_of;
 use crate::layout::FrameUniform;
 use glam::{DVec3, IVec3, Vec3};
 

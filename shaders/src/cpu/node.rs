@@ -1,14 +1,10 @@
 //! How a ray enters a node. GPU twin: `node.wgsl`.
 
-use super::{
-    fast_math::{fast_max, fast_min, nonzero, nonzero2},
-    ray::{NodeRay, Ray, SceneRef},
-    words::halves,
-};
-use crate::{
-    layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS, WALK_PLANE},
-    mesh::LEAF_OFFSET_STEPS,
-};
+use super::fast_math::{fast_max, fast_min, nonzero, nonzero2};
+use super::ray::{NodeRay, Ray, SceneRef};
+use super::words::halves;
+use crate::layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS, WALK_PLANE};
+use crate::mesh::LEAF_OFFSET_STEPS;
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
 

@@ -1,10 +1,8 @@
 //! Objects of what a ray hits: their words in palettes. GPU twin: `objects.wgsl`.
 
-use super::{
-    column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace},
-    ray::Ray,
-    shade::linear_of,
-};
+use super::column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace};
+use super::ray::Ray;
+use super::shade::linear_of;
 use crate::layout::{OBJECT_BITS, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN};
 use glam::Vec3;
 

@@ -5,30 +5,25 @@
 //! A ray has one segment from the eye to the visible surface and, in sunlight, one from there towards the sun. Surfaces
 //! with holes are gathered on the way and lit once. The GPU has no `count`: a variant of its pipeline counts.
 
+use super::fast_math::floor;
+use super::mesh::MIN_COSINE;
+use super::night::{lamp_light, lit_windows};
+use super::ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M};
 pub use super::ray::{RayCounts, SceneRef};
-
-use super::{
-    fast_math::floor,
-    mesh::MIN_COSINE,
-    night::{lamp_light, lit_windows},
-    ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    sea::{sea_share, with_sea_albedo},
-    shade::{
-        Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, mirrored, sea,
-        shade,
-    },
-    stone::{StoneSurface, stone_surface},
-    translucency::{MapAxes, gathered, map_of},
-    walk::walk_scene,
-    ward::{StoneSide, reflect_stone},
+use super::sea::{sea_share, with_sea_albedo};
+use super::shade::{
+    Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, mirrored, sea,
+    shade,
 };
+use super::stone::{StoneSurface, stone_surface};
+use super::translucency::{MapAxes, gathered, map_of};
+use super::walk::walk_scene;
+use super::ward::{StoneSide, reflect_stone};
+use crate::layout::{FrameUniform, GOLDEN_TURN, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading};
+use crate::mesh::ORIGINS_PER_M;
 use crate::parallel::*;
-use crate::{
-    layout::{FrameUniform, GOLDEN_TURN, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
-    mesh::ORIGINS_PER_M,
-    stone::Stone,
-    tone::{develop, encode_radiance, gradient_noise},
-};
+use crate::stone::Stone;
+use crate::tone::{develop, encode_radiance, gradient_noise};
 use glam::{Vec2, Vec3};
 use insula_protocol::blockmap::flag;
 use std::f32::consts::TAU;

@@ -1,16 +1,12 @@
 //! Draws frames on all cores: in packets where the machine has vector instructions, else ray by ray.
 
-use super::{
-    instruction_set::InstructionSet,
-    packet::{count_radiances, develop_pixels, render_rows},
-    raycast::{Pixel, Pixels, Sampling, SceneRef, pixel},
-};
-use crate::{
-    compose::shades,
-    layout::{FrameUniform, Shading},
-    parallel::*,
-    tone::{DisplayTables, exposure_with, longer},
-};
+use super::instruction_set::InstructionSet;
+use super::packet::{count_radiances, develop_pixels, render_rows};
+use super::raycast::{Pixel, Pixels, Sampling, SceneRef, pixel};
+use crate::compose::shades;
+use crate::layout::{FrameUniform, Shading};
+use crate::parallel::*;
+use crate::tone::{DisplayTables, exposure_with, longer};
 
 /// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {

@@ -2,21 +2,17 @@
 //!
 //! Only [`Shading::Lit`] has light and haze; the other shadings show what is baked.
 
+use super::fast_math::exp;
+use super::night::{BAYS_PER_M, moon, stars};
+use super::noise::fbm;
+use super::sea::{SEA_FADE, sea_share};
 pub use super::surface::SurfaceSample;
 use super::surface::rgb;
-use super::{
-    fast_math::exp,
-    night::{BAYS_PER_M, moon, stars},
-    noise::fbm,
-    sea::{SEA_FADE, sea_share},
-};
+use crate::atmosphere::{MIE_G, PHASE_SCALE};
+use crate::layout::{FrameUniform, Light, MESH_FLAG, MESH_LEVEL, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable};
+use crate::light::SKY_LOW;
 pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
-use crate::{
-    atmosphere::{MIE_G, PHASE_SCALE},
-    layout::{FrameUniform, Light, MESH_FLAG, MESH_LEVEL, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
-    light::SKY_LOW,
-};
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 

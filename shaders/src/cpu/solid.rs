@@ -4,20 +4,20 @@
 //! On the CPU, `adjacent_wall` returns a texel and its normal. On the GPU it returns the texel's address, and
 //! `hit_solid` reads it.
 
-use super::{
-    column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of},
-    fast_math::{ahead_of, floor},
-    objects::{is_hidden, object_colour, object_of_solid},
-    ray::{NodeRay, Ray, RayHit, SUN_LIFT_CELLS},
-    shade::linear_of,
-    words::{ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, hits_share, is_open, is_thin, thin_share},
+use super::column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of};
+use super::fast_math::{ahead_of, floor};
+use super::objects::{is_hidden, object_colour, object_of_solid};
+use super::ray::{NodeRay, Ray, RayHit, SUN_LIFT_CELLS};
+use super::shade::linear_of;
+use super::words::{
+    ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, hits_share, is_open, is_thin, thin_share,
 };
-use crate::{
-    layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
-    pack::head_words,
-};
+use crate::layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE, WALK_PLANE};
+use crate::pack::head_words;
 use glam::{IVec2, Vec3, Vec3Swizzles};
-use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral, texel::AO_MAX};
+use insula_protocol::blockmap::flag;
+use insula_protocol::texel::AO_MAX;
+use insula_protocol::{NODE_CELLS, octahedral};
 
 /// Most rows of a strip: a guard, as no strip has more.
 pub(crate) const MAX_STRIP_ROWS: i32 = 256;

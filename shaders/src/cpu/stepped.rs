@@ -3,17 +3,13 @@
 //! First the rays through the centres of all pixels, which are a picture already: the sketch. Then the other rays of those pixels that
 //! differ from a neighbour. No ray is cast twice.
 
-use super::{
-    instruction_set::InstructionSet,
-    packet::{CentreRay, CentreRows, cast_centres, finish_rows, rows_around, sketch_rows},
-    raycast::{Pixel, Pixels, Sampling, SceneRef},
-    render::{developed, render_band},
-};
+use super::instruction_set::InstructionSet;
+use super::packet::{CentreRay, CentreRows, cast_centres, finish_rows, rows_around, sketch_rows};
+use super::raycast::{Pixel, Pixels, Sampling, SceneRef};
+use super::render::{developed, render_band};
 use crate::parallel::*;
-use std::sync::{
-    Mutex, PoisonError,
-    atomic::{AtomicUsize, Ordering},
-};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Pixels that a thread draws at once: a few milliseconds with nine rays each.
 const UNIT_PIXELS: u32 = 5120;

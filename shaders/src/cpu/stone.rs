@@ -300,7 +300,8 @@ fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{cpu::noise::OCTAVE_TURN, stone::PRESETS};
+    use crate::cpu::noise::OCTAVE_TURN;
+    use crate::stone::PRESETS;
     use insula_test_support::rng::Rng;
     use rayon::prelude::*;
 

@@ -1,18 +1,14 @@
 //! Makes translucency maps with the ray-caster (Mischitelli 2007, section 5.2.1). GPU twin: `translucency_map.wgsl`.
 
-use super::{
-    landmark::unpack_normal,
-    ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
-    raycast::threshold_of,
-    translucency::{MapAxes, SAME_ANCHOR_M, map_entered, map_height},
-    walk::walk_grid,
-    ward::{MIN_FACING, mean_transmitted, transmitted},
-};
+use super::landmark::unpack_normal;
+use super::ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef};
+use super::raycast::threshold_of;
+use super::translucency::{MapAxes, SAME_ANCHOR_M, map_entered, map_height};
+use super::walk::walk_grid;
+use super::ward::{MIN_FACING, mean_transmitted, transmitted};
+use crate::mesh::{ORIGINS_PER_M, pack_normal};
 use crate::parallel::*;
-use crate::{
-    mesh::{ORIGINS_PER_M, pack_normal},
-    translucency::{COARSEST_PX, OCCUPIED, TranslucencyMap, map_words},
-};
+use crate::translucency::{COARSEST_PX, OCCUPIED, TranslucencyMap, map_words};
 use glam::{Vec2, Vec3};
 
 /// The words of map `number` of the frame, finest level first; empty if the frame does not have it.

@@ -8,21 +8,16 @@
 //! Integer squares, blocks and cells are the walk's only position; every crossing is computed from the segment's
 //! origin, so that errors do not add up.
 
-use super::{
-    column::{ColumnVisit, may_hit},
-    fast_math::{ahead_of, fast_max, fast_min, floor2, nonzero, nonzero2},
-    mesh::walk_mesh,
-    node::enter_node,
-    ray::{MAX_STEPS, NodeRay, Ray},
-    solid::hit_solid,
-};
-use crate::{
-    grid::Z_TOP,
-    layout::{
-        BLOCK_CELLS, BLOCK_SHIFT, FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT,
-        GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, NODE_BLOCKS, QUAD_TOP_BITS, QUAD_TOP_MAX,
-        SUMMARY_BYTE_SHIFT,
-    },
+use super::column::{ColumnVisit, may_hit};
+use super::fast_math::{ahead_of, fast_max, fast_min, floor2, nonzero, nonzero2};
+use super::mesh::walk_mesh;
+use super::node::enter_node;
+use super::ray::{MAX_STEPS, NodeRay, Ray};
+use super::solid::hit_solid;
+use crate::grid::Z_TOP;
+use crate::layout::{
+    BLOCK_CELLS, BLOCK_SHIFT, FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT,
+    GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, NODE_BLOCKS, QUAD_TOP_BITS, QUAD_TOP_MAX, SUMMARY_BYTE_SHIFT,
 };
 use glam::{IVec2, Vec2, Vec3Swizzles};
 

@@ -4,10 +4,8 @@ use crate::pack::{
     AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK, THIN_STEP,
 };
 use glam::Vec2;
-use insula_protocol::{
-    blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag},
-    texel::OPAQUE,
-};
+use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag};
+use insula_protocol::texel::OPAQUE;
 use std::sync::LazyLock;
 
 #[inline]

@@ -1,13 +1,9 @@
 //! Translucency maps on a device. CPU twin: [`crate::cpu::translucency_map`].
 
-use super::{
-    DeviceQueue, GpuError,
-    raycast::{MapMaker, OutputBuffers, PipelineVariant, Raycaster, pipeline},
-};
-use crate::{
-    layout::{DrawNode, FrameUniform, WORKGROUP},
-    translucency::{COARSEST_PX, MAX_MAP_PX, level_words, map_words},
-};
+use super::raycast::{MapMaker, OutputBuffers, PipelineVariant, Raycaster, pipeline};
+use super::{DeviceQueue, GpuError};
+use crate::layout::{DrawNode, FrameUniform, WORKGROUP};
+use crate::translucency::{COARSEST_PX, MAX_MAP_PX, level_words, map_words};
 
 impl Raycaster {
     /// Makes the frame's translucency map `number` and writes it into the atlas, before the frame itself is rendered. Does nothing if

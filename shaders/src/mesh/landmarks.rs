@@ -2,10 +2,8 @@
 
 use super::LANDMARK_OCCLUSION_BIT;
 use glam::{Vec2, Vec3};
-use insula_protocol::{
-    mesh::Mesh,
-    mesh_tile::{LandmarkObject, MAX_LANDMARKS},
-};
+use insula_protocol::mesh::Mesh;
+use insula_protocol::mesh_tile::{LandmarkObject, MAX_LANDMARKS};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 

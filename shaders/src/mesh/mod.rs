@@ -20,17 +20,13 @@ mod landmarks;
 mod packer;
 mod texture;
 
-use crate::{
-    layout::PAGE_WORDS,
-    pack::{PackedObjects, Page},
-    words,
-};
+use crate::layout::PAGE_WORDS;
+use crate::pack::{PackedObjects, Page};
+use crate::words;
 use glam::DVec3;
-use insula_protocol::{
-    TileId,
-    mesh::Mesh,
-    mesh_tile::{LandmarkObject, MAX_TRIANGLES as MAX_TILE_TRIANGLES},
-};
+use insula_protocol::TileId;
+use insula_protocol::mesh::Mesh;
+use insula_protocol::mesh_tile::{LandmarkObject, MAX_TRIANGLES as MAX_TILE_TRIANGLES};
 pub use landmarks::LandmarkBounds;
 pub(crate) use landmarks::pack_normal;
 use packer::MeshPacker;

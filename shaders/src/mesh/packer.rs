@@ -1,16 +1,15 @@
 //! Writes a mesh, its hierarchy and its texture into words, as [`super`] says.
 
+use super::bvh::{Bvh, BvhChild};
+use super::landmarks::PackedLandmarks;
+use super::texture::{self, MeshTexture};
 use super::{
     HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_VEC4S, MAX_TRIANGLES, PAGE_VEC4S, PackError, REFERENCE_COUNT_SHIFT,
-    bvh::{Bvh, BvhChild},
-    landmarks::PackedLandmarks,
-    texture::{self, MeshTexture},
 };
-use crate::{layout::PAGE_WORDS, pack::PackedObjects};
-use insula_protocol::{
-    mesh::{AttributeKind, Mesh},
-    mesh_tile::{LandmarkObject, NO_OBJECT},
-};
+use crate::layout::PAGE_WORDS;
+use crate::pack::PackedObjects;
+use insula_protocol::mesh::{AttributeKind, Mesh};
+use insula_protocol::mesh_tile::{LandmarkObject, NO_OBJECT};
 use std::ops::Range;
 
 /// The head's word that holds the reference to the whole tree.

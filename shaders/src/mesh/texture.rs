@@ -2,7 +2,8 @@
 
 use super::TEXTURE_TILE_PX;
 use crate::layout::PAGE_WORDS;
-use insula_protocol::{DecodeError, mesh_tile::TileTexture};
+use insula_protocol::DecodeError;
+use insula_protocol::mesh_tile::TileTexture;
 
 /// Texels row by row, the first one in the upper left: r, g, b in 8-bit sRGB, r lowest, and 8 unused bits.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,9 +1,7 @@
 //! Stones as files and pages describe them: a preset, and what differs from it.
 
-use super::{
-    definition::{BOTH_VEINS, BROAD_VEINS, FINE_VEINS, Stone, StoneError},
-    presets::PRESETS,
-};
+use super::definition::{BOTH_VEINS, BROAD_VEINS, FINE_VEINS, Stone, StoneError};
+use super::presets::PRESETS;
 use crate::srgb::linear_of_srgb;
 use serde::{Deserialize, Serialize};
 

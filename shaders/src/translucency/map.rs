@@ -5,7 +5,8 @@
 //! then the second words. Levels of half the width follow each other, down to [`COARSEST_PX`].
 
 use super::Dipole;
-use crate::{stone::Stone, words::PAGE_WORDS};
+use crate::stone::Stone;
+use crate::words::PAGE_WORDS;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 

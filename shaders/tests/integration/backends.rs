@@ -3,12 +3,11 @@
 //! Whether a driver accepts the translation needs a machine with that driver.
 
 use insula_shaders::wgsl;
-use naga::{
-    Module, ShaderStage,
-    back::{PipelineConstants, glsl, hlsl, msl, pipeline_constants::process_overrides, spv},
-    proc::BoundsCheckPolicies,
-    valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
-};
+use naga::back::pipeline_constants::process_overrides;
+use naga::back::{PipelineConstants, glsl, hlsl, msl, spv};
+use naga::proc::BoundsCheckPolicies;
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{Module, ShaderStage};
 
 /// Calls all functions of stone.
 const STONE_KERNEL: &str = "

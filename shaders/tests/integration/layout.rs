@@ -1,9 +1,7 @@
 //! The WGSL is valid without optional capabilities, and its structs have the layout of Rust's.
 
-use insula_shaders::{
-    layout::{ComposeUniform, DrawNode, FrameUniform, Light, OcclusionUniform, WORKGROUP},
-    wgsl,
-};
+use insula_shaders::layout::{ComposeUniform, DrawNode, FrameUniform, Light, OcclusionUniform, WORKGROUP};
+use insula_shaders::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::mem::offset_of;
 

@@ -4,7 +4,8 @@ use super::{Browser, Page, PageOptions};
 use anyhow::{Context, Result};
 use image::RgbImage;
 use serde_json::Value;
-use std::{collections::HashSet, time::Duration};
+use std::collections::HashSet;
+use std::time::Duration;
 
 /// Keeps the last event of each kind with the time and the number of all, for each element, and the longest task of the
 /// main thread. Listens while events descend, because those of the element do not rise.

@@ -5,16 +5,13 @@
 use super::page_log::PageLog;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
-use std::{
-    collections::{HashMap, HashSet},
-    io::{BufRead, BufReader, Write},
-    process::{ChildStdin, ChildStdout},
-    sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-    time::{Duration, Instant},
-};
+use std::collections::{HashMap, HashSet};
+use std::io::{BufRead, BufReader, Write};
+use std::process::{ChildStdin, ChildStdout};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Longest wait for a reply. Software drivers compile pipelines for seconds.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);

@@ -3,10 +3,8 @@
 use super::Page;
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
-use std::{
-    sync::atomic::Ordering::Relaxed,
-    time::{Duration, SystemTime, UNIX_EPOCH},
-};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Moves of a drag. The browser answers after the page has handled one, so they are not merged.
 const STEPS: u32 = 8;

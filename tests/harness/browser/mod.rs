@@ -13,15 +13,15 @@ mod process;
 pub mod same_picture;
 mod slowdown;
 
-pub use input::Button;
-pub use page::Page;
-pub use slowdown::Slowdown;
-
 use anyhow::Result;
 use connection::Connection;
+pub use input::Button;
+pub use page::Page;
 use process::ChromiumProcess;
 use serde_json::json;
-use std::{path::PathBuf, sync::Arc};
+pub use slowdown::Slowdown;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What a page is at first.
 #[derive(Debug, Clone, Copy)]

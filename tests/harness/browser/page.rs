@@ -1,16 +1,14 @@
 //! One page: navigation, scripts, pictures, and what it reported.
 
-use super::{
-    connection::{Connection, PATIENCE},
-    page_log::{Message, PageLog, Request, auto_attach},
-};
+use super::connection::{Connection, PATIENCE};
+use super::page_log::{Message, PageLog, Request, auto_attach};
 use anyhow::{Context, Result, bail, ensure};
-use base64::{Engine as _, engine::general_purpose::STANDARD};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
-use std::{
-    sync::{Arc, atomic::AtomicU64},
-    time::{Duration, Instant},
-};
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::time::{Duration, Instant};
 
 const POLL: Duration = Duration::from_millis(50);
 

@@ -2,12 +2,10 @@
 
 use crate::programs::find_installed;
 use anyhow::{Context, Result};
-use std::{
-    os::unix::process::CommandExt,
-    path::PathBuf,
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
-    time::Duration,
-};
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// Chromium speaks the protocol on descriptors 3 and 4; a shell makes them from its input and output.

@@ -1,13 +1,17 @@
 //! The same view drawn by the native client and by a browser.
 
-use super::{Browser, PageOptions, city_page::CityPage};
+use super::city_page::CityPage;
+use super::{Browser, PageOptions};
 use crate::programs::{program, run};
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use image::RgbImage;
 use insula_protocol::Manifest;
-use insula_viewer::{camera::Camera, camera_text};
-use std::{net::SocketAddr, path::Path, process::Command};
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::Command;
 
 /// Greatest difference of a channel of two equal pixels.
 const SAME_COLOUR: u8 = 2;

@@ -6,15 +6,16 @@
 
 use super::open_loop::{self, LoadResults, percentile, resident_mib};
 use anyhow::Result;
-use insula_test_support::{faulty_host::FaultyHost, programs::ServerProcess};
+use insula_test_support::faulty_host::FaultyHost;
+use insula_test_support::programs::ServerProcess;
 use serde_json::{Value, json};
-use std::{
-    path::Path,
-    process::Command,
-    sync::{Arc, atomic::Ordering::Relaxed},
-    time::Duration,
-};
-use tokio::{runtime::Runtime, time::sleep};
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+use tokio::runtime::Runtime;
+use tokio::time::sleep;
 
 const STORE_DELAY_MS: u64 = 100;
 const IN_FLIGHT: usize = 64;

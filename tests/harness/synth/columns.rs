@@ -1,15 +1,14 @@
 //! The columns of a node at any level, from its raster. Walls wider than a cell are clipped where they are; of smaller parts, a
 //! column has the height that half of its cell reaches.
 
-use super::{
-    blocks::Part,
-    raster::{GROUND, OUTSIDE, Raster, SUB, Sample},
-};
+use super::blocks::Part;
+use super::raster::{GROUND, OUTSIDE, Raster, SUB, Sample};
 use glam::{DVec2, Vec2};
 use insula_bake::columns::voxels::{
     SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelObjects, VoxelOuterTop, VoxelPlane,
 };
-use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
+use insula_protocol::blockmap::COLUMNS;
+use insula_protocol::{NODE_CELLS, TileId};
 use std::sync::OnceLock;
 
 const ALL: usize = SUB * SUB;

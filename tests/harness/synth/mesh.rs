@@ -2,10 +2,8 @@
 //!
 //! Tiles of blocks are culled by the view frustum and drawn front to back, with one draw call each. A corner has 8 bytes.
 
-use super::{
-    City,
-    triangles::{self, Corner},
-};
+use super::City;
+use super::triangles::{self, Corner};
 use crate::view::{Camera, FrameSpec};
 use anyhow::Result;
 use glam::{DVec2, DVec3, Vec3};

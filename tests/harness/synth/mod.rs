@@ -15,8 +15,11 @@ pub mod triangles;
 use crate::view::Camera;
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_bake::{BakeOptions, GeneratedCity, Progress, bake_generated, scene::grid::CityGrid};
-use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
+use insula_bake::scene::grid::CityGrid;
+use insula_bake::{BakeOptions, GeneratedCity, Progress, bake_generated};
+use insula_protocol::blockmap::Quality;
+use insula_protocol::tile_id::MAX_LEVEL;
+use insula_protocol::{Manifest, NODE_CELLS, TileId};
 use plan::Plan;
 use std::path::Path;
 

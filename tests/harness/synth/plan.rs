@@ -3,10 +3,8 @@
 //! Blocks are numbered in two directions, with 0, 0 in the centre. The city consists of
 //! rings of blocks; the last blocks of the outermost ring are empty when the number of buildings is reached.
 
-use super::{
-    blocks::{self, Block},
-    streets::{JITTER_M, PITCH_M, street},
-};
+use super::blocks::{self, Block};
+use super::streets::{JITTER_M, PITCH_M, street};
 use glam::DVec2;
 
 /// Ground beyond the outermost streets.
@@ -112,7 +110,8 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::{super::streets::half_street, *};
+    use super::super::streets::half_street;
+    use super::*;
 
     #[test]
     fn a_plan_has_the_requested_number_of_buildings() {

@@ -2,7 +2,8 @@
 //!
 //! Only parts that are the highest at some sample are kept, so memory does not depend on the size of the city.
 
-use super::{blocks::Part, plan::Plan};
+use super::blocks::Part;
+use super::plan::Plan;
 use glam::DVec2;
 use insula_protocol::NODE_CELLS;
 

@@ -1,11 +1,10 @@
 //! axe-core on the page: `INSULA_AXE` names the file `axe.min.js`.
 
-use super::{
-    browser,
-    viewer::{DESKTOP, PHONE, serve, url},
-};
+use super::browser;
+use super::viewer::{DESKTOP, PHONE, serve, url};
 use anyhow::{Context, Result, ensure};
-use insula_tests::browser::{PageOptions, city_page::CityPage};
+use insula_tests::browser::PageOptions;
+use insula_tests::browser::city_page::CityPage;
 
 /// In both appearances, and on a phone.
 pub(super) fn axe_finds_nothing_serious() -> Result<()> {

@@ -1,17 +1,14 @@
 //! The panel of analyses: what the server computes lies on the city, with its legend and numbers, until the panel is closed.
 
-use super::{
-    browser,
-    controls::{COVERED, LAID_OUT, PHONE},
-    viewer::{REACTION, ensure_no_problems, keep},
-};
+use super::browser;
+use super::controls::{COVERED, LAID_OUT, PHONE};
+use super::viewer::{REACTION, ensure_no_problems, keep};
 use anyhow::{Result, ensure};
 use insula_bake::{BakeOptions, GroundOption};
-use insula_tests::{
-    browser::{PageOptions, city_page::CityPage},
-    fixtures,
-    programs::{ServerProcess, program},
-};
+use insula_tests::browser::PageOptions;
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program};
 use serde_json::json;
 use std::process::Command;
 

@@ -3,24 +3,19 @@
 //! React and MapLibre are not part of the package: `INSULA_VENDOR` names a folder with the files that the package's README
 //! names. Without it, their examples are reported as ignored.
 
-use super::{
-    browser,
-    site::publish,
-    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, ensure_same_view, keep, serve},
-};
+use super::browser;
+use super::site::publish;
+use super::viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, ensure_same_view, keep, serve};
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
-use insula_tests::{
-    browser::{
-        Button, PageOptions,
-        city_page::{CityPage, colours},
-        same_picture::share_of_same,
-    },
-    fixtures,
-    programs::ServerProcess,
-};
+use insula_tests::browser::city_page::{CityPage, colours};
+use insula_tests::browser::same_picture::share_of_same;
+use insula_tests::browser::{Button, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::programs::ServerProcess;
 use serde_json::{Value, json};
-use std::{fs, path::Path};
+use std::fs;
+use std::path::Path;
 use tempfile::TempDir;
 
 /// A script's expression of a glTF file in one piece: a large triangle that faces south and up.

@@ -1,15 +1,12 @@
 //! The controls of the page: they leave each other and the sources free on screens of any size, and speak the reader's language.
 
-use super::{
-    browser,
-    viewer::{REACTION, ensure_no_problems, keep, serve, url},
-};
+use super::browser;
+use super::viewer::{REACTION, ensure_no_problems, keep, serve, url};
 use anyhow::{Result, ensure};
-use insula_tests::{
-    browser::{PageOptions, city_page::CityPage},
-    fixtures,
-    programs::{ServerProcess, program},
-};
+use insula_tests::browser::PageOptions;
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program};
 use serde_json::json;
 use std::process::Command;
 

@@ -1,11 +1,14 @@
 //! The driver itself, on pages of a plain host: scripts, pictures, input, emulated networks, and the log.
 
-use super::{browser, viewer::REACTION};
+use super::browser;
+use super::viewer::REACTION;
 use anyhow::{Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::browser::{Browser, Button, Page, PageOptions};
 use serde_json::{Value, json};
-use std::{fs, sync::Arc, time::Duration};
+use std::fs;
+use std::sync::Arc;
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// Size of a file of the page's folder.

@@ -4,11 +4,10 @@ use super::viewer::{
     FREE, PICTURE, REACTION, ensure_city_is_visible, ensure_same_view, keep, near_camera, open, open_url, serve,
 };
 use anyhow::{Result, ensure};
-use insula_tests::{
-    browser::{Button, city_page::CityPage},
-    fixtures,
-    programs::ServerProcess,
-};
+use insula_tests::browser::Button;
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::fixtures;
+use insula_tests::programs::ServerProcess;
 
 fn wait_for_status(page: &CityPage, condition: &str) -> Result<()> {
     page.page

@@ -1,22 +1,16 @@
 //! The city as a layer of a MapLibre map: the same picture and distances as the native client's, houses that hide what stands behind
 //! them, and a lost context; and the same in a scene of three.js. `INSULA_VENDOR` names the folder with both, as for the examples.
 
-use super::{
-    browser,
-    component::ExampleSite,
-    viewer::{CITY_COLOURS, REACTION},
-};
+use super::browser;
+use super::component::ExampleSite;
+use super::viewer::{CITY_COLOURS, REACTION};
 use anyhow::{Context, Result, ensure};
 use image::{Rgb, RgbImage};
-use insula_tests::{
-    browser::{
-        Page, PageOptions,
-        city_page::{FINAL, colours},
-        same_picture::{SharedView, TIME, native_with, share_of_same},
-    },
-    fixtures,
-    pfm::Pfm,
-};
+use insula_tests::browser::city_page::{FINAL, colours};
+use insula_tests::browser::same_picture::{SharedView, TIME, native_with, share_of_same};
+use insula_tests::browser::{Page, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::pfm::Pfm;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

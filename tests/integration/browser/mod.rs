@@ -19,16 +19,12 @@ mod site;
 mod viewer;
 
 use anyhow::Result;
-use insula_tests::{
-    browser::Browser,
-    programs::{program, run},
-    trials::{Test, Trials, Turn},
-};
-use std::{
-    path::Path,
-    process::Command,
-    sync::{Arc, Mutex, PoisonError},
-};
+use insula_tests::browser::Browser;
+use insula_tests::programs::{program, run};
+use insula_tests::trials::{Test, Trials, Turn};
+use std::path::Path;
+use std::process::Command;
+use std::sync::{Arc, Mutex, PoisonError};
 
 static BROWSER: Turn = Turn::new();
 /// Without and with a GPU.

@@ -1,28 +1,20 @@
 //! Objects in a page: clicks and the panel of attributes, the search, colours with their legend. Objects of 3D Tiles in CesiumJS.
 
-use super::{
-    browser,
-    viewer::{PICTURE, REACTION, ensure_no_problems, keep, open_url},
-};
+use super::browser;
+use super::viewer::{PICTURE, REACTION, ensure_no_problems, keep, open_url};
 use anyhow::{Context, Result, ensure};
 use insula_bake::BakeOptions;
 use insula_test_support::faulty_host::FaultyHost;
-use insula_tests::{
-    browser::{
-        Button, PageOptions,
-        city_page::{CityPage, FINAL, colours},
-        same_picture::{SharedView, native_with, share_of_same},
-    },
-    fixtures,
-    programs::{ServerProcess, program, run},
-};
+use insula_tests::browser::city_page::{CityPage, FINAL, colours};
+use insula_tests::browser::same_picture::{SharedView, native_with, share_of_same};
+use insula_tests::browser::{Button, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program, run};
 use serde_json::{Value, json};
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-    process::Command,
-    time::Instant,
-};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
 use tempfile::TempDir;
 
 const SIZE_PX: [u32; 2] = [480, 320];

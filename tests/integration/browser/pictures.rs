@@ -1,18 +1,15 @@
 //! Pictures of the browser beside those of the native client.
 
-use super::{
-    browser,
-    site::{self, publish},
-    viewer::{REACTION, cameras, ensure_city_is_visible, serve, url},
-};
+use super::browser;
+use super::site::{self, publish};
+use super::viewer::{REACTION, cameras, ensure_city_is_visible, serve, url};
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
-use insula_tests::browser::{
-    PageOptions,
-    city_page::{CityPage, colours},
-    same_picture::{SharedView, in_browser, native, share_of_same},
-};
-use std::{fs, path::Path};
+use insula_tests::browser::PageOptions;
+use insula_tests::browser::city_page::{CityPage, colours};
+use insula_tests::browser::same_picture::{SharedView, in_browser, native, share_of_same};
+use std::fs;
+use std::path::Path;
 
 /// Smallest share of pixels that are the same.
 const SAME: f64 = 0.998;

@@ -1,18 +1,16 @@
 //! A proposal in the page: a link shows it, a key shows the city before, and a border goes between both.
 
-use super::{
-    browser,
-    viewer::{REACTION, ensure_no_problems, keep},
-};
+use super::browser;
+use super::viewer::{REACTION, ensure_no_problems, keep};
 use anyhow::{Result, ensure};
 use insula_bake::{BakeOptions, GroundOption};
-use insula_tests::{
-    browser::{PageOptions, city_page::CityPage},
-    fixtures,
-    programs::{ServerProcess, program},
-};
+use insula_tests::browser::PageOptions;
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program};
 use serde_json::json;
-use std::{fs, process::Command};
+use std::fs;
+use std::process::Command;
 
 const OPTIONS: PageOptions = PageOptions { size: [1024, 600], dark: false, touch: false };
 const SIZE: [u32; 2] = [240, 160];

@@ -1,24 +1,19 @@
 //! A published site on a plain host that serves files and ranges.
 
-use super::{
-    browser,
-    viewer::{
-        FREE, PICTURE, REACTION, cameras, ensure_city_is_visible, ensure_no_problems, ensure_same_view, hosts, keep,
-        open_url,
-    },
+use super::browser;
+use super::viewer::{
+    FREE, PICTURE, REACTION, cameras, ensure_city_is_visible, ensure_no_problems, ensure_same_view, hosts, keep,
+    open_url,
 };
 use anyhow::{Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
-use insula_tests::{
-    browser::{Button, PageOptions, city_page::CityPage},
-    fixtures,
-    programs::{program, run},
-};
-use std::{
-    process::Command,
-    sync::atomic::Ordering::Relaxed,
-    time::{Duration, Instant},
-};
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::browser::{Button, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::programs::{program, run};
+use std::process::Command;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Longest time until a page has fetched everything again that failed. What was damaged repeatedly, it requests after 20 s.

@@ -6,22 +6,16 @@ use image::RgbImage;
 use insula_bake::BakeOptions;
 use insula_protocol::manifest::Attribution;
 use insula_test_support::tier;
-use insula_tests::{
-    browser::{
-        Button, Page, PageOptions,
-        city_page::{CityPage, colours},
-        page_log::Request,
-        same_picture::{self, share_of_same},
-    },
-    fixtures,
-    programs::{ServerProcess, program},
-};
-use std::{
-    collections::BTreeSet,
-    path::Path,
-    process::Command,
-    time::{Duration, Instant},
-};
+use insula_tests::browser::city_page::{CityPage, colours};
+use insula_tests::browser::page_log::Request;
+use insula_tests::browser::same_picture::{self, share_of_same};
+use insula_tests::browser::{Button, Page, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
 
 /// Fewest colours of a small picture that shows a city: sky, or the background of an element that draws nothing, has half as many.
 pub(super) const CITY_COLOURS: usize = 24;

@@ -1,13 +1,13 @@
 //! An HTTP client that checks the tiles that it gets.
 
-use insula_protocol::{TileId, TileKind, route, tile::TileReader};
+use insula_protocol::tile::TileReader;
+use insula_protocol::{TileId, TileKind, route};
 use insula_test_support::small_city;
-use std::{
-    io::{self, BufRead, BufReader, Read, Write},
-    net::{SocketAddr, TcpStream},
-    sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
-    time::Duration,
-};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::time::Duration;
 
 /// Longest time for a connection and for each part of a response. Only a hang takes as long.
 const PATIENCE: Duration = Duration::from_secs(60);

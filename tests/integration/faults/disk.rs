@@ -1,19 +1,13 @@
 //! Files that are truncated, altered and removed while a server reads them.
 
-use super::{
-    client::{CLIENTS, Connection, request_during, tile_paths},
-    server,
-};
-use insula_test_support::{
-    faulty_host::FaultyHost,
-    programs::{path_text, wait_until},
-    small_city, tier,
-};
-use std::{
-    fs::{self, OpenOptions},
-    os::unix::fs::FileExt,
-    sync::atomic::Ordering::Relaxed,
-};
+use super::client::{CLIENTS, Connection, request_during, tile_paths};
+use super::server;
+use insula_test_support::faulty_host::FaultyHost;
+use insula_test_support::programs::{path_text, wait_until};
+use insula_test_support::{small_city, tier};
+use std::fs::{self, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Alters and truncates an archive in place under load.
 pub(super) fn truncated_and_altered() {

@@ -1,22 +1,17 @@
 //! A server process that is killed, lacks resources, or has many slow clients.
 
-use super::{
-    client::{Connection, request_during, tile_paths},
-    server::{self, ANY_PORT, metric},
-};
-use insula_test_support::{
-    programs::{ServerProcess, find_installed, path_text, program, wait_until},
-    small_city, tier,
-};
+use super::client::{Connection, request_during, tile_paths};
+use super::server::{self, ANY_PORT, metric};
+use insula_test_support::programs::{ServerProcess, find_installed, path_text, program, wait_until};
+use insula_test_support::{small_city, tier};
 use insula_tests::ports;
-use std::{
-    fs,
-    io::{Read, Write},
-    net::{SocketAddr, TcpStream},
-    path::PathBuf,
-    process::Command,
-    sync::atomic::{AtomicU64, Ordering::Relaxed},
-};
+use std::fs;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Starts the server on an address, which may be that of one that has ended.
 fn start_at(folder: &tempfile::TempDir, address: SocketAddr) -> ServerProcess {

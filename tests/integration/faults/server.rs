@@ -1,11 +1,10 @@
 //! The server under test: how the faults start it and read its metrics.
 
 use super::client::Connection;
-use insula_test_support::{
-    programs::{ServerProcess, path_text, program},
-    small_city,
-};
-use std::{net::SocketAddr, process::Command};
+use insula_test_support::programs::{ServerProcess, path_text, program};
+use insula_test_support::small_city;
+use std::net::SocketAddr;
+use std::process::Command;
 
 pub(super) const ANY_PORT: &str = "127.0.0.1:0";
 

@@ -1,24 +1,21 @@
 //! Stores that are slow, failing, unreachable, wrong or replaced.
 
-use super::{
-    client::{Connection, is_intact, tile_paths},
-    server::{self, ANY_PORT, metric},
-};
-use axum::{body::Body, http::Request};
+use super::client::{Connection, is_intact, tile_paths};
+use super::server::{self, ANY_PORT, metric};
+use axum::body::Body;
+use axum::http::Request;
 use http_body_util::BodyExt;
 use insula_protocol::Manifest;
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpService},
-    store::{CityStore, Store},
-};
-use insula_test_support::{
-    bucket,
-    faulty_host::FaultyHost,
-    programs::{ServerProcess, wait_until},
-    small_city, tier,
-};
-use std::{fs, net::SocketAddr, path::PathBuf, sync::atomic::Ordering::Relaxed};
+use insula_server::config::ServeConfig;
+use insula_server::http::{AppState, HttpService};
+use insula_server::store::{CityStore, Store};
+use insula_test_support::faulty_host::FaultyHost;
+use insula_test_support::programs::{ServerProcess, wait_until};
+use insula_test_support::{bucket, small_city, tier};
+use std::fs;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
 use tower::ServiceExt;
 
 /// Settings without caches: each request reads its tile from the store.

@@ -1,23 +1,15 @@
 //! Versions of a city that replace one another under load.
 
-use super::{
-    client::{CLIENTS, Connection, StopOnDrop},
-    server,
-};
-use insula_protocol::{
-    BlockMap, Manifest, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, MapColumn},
-    route,
-};
-use insula_test_support::{
-    programs::{path_text, wait_until},
-    small_city, tier,
-};
-use std::{
-    fs,
-    path::Path,
-    sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
-};
+use super::client::{CLIENTS, Connection, StopOnDrop};
+use super::server;
+use insula_protocol::blockmap::{COLUMNS, MapColumn};
+use insula_protocol::{BlockMap, Manifest, Texel, TileId, TileKind, route};
+use insula_test_support::programs::{path_text, wait_until};
+use insula_test_support::{small_city, tier};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 /// Replaced versions that the server keeps open, each with several files.
 const KEPT: usize = 4;

@@ -4,15 +4,14 @@ use super::screen;
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
 use insula_tests::programs::{program, run};
-use insula_viewer::{camera::Camera, camera_text};
-use std::{
-    io::{BufRead, BufReader, PipeReader},
-    path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-    thread::JoinHandle,
-    time::{Duration, Instant},
-};
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use std::io::{BufRead, BufReader, PipeReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// Longest wait for a state: turns a hang into an error.
 const MAX_WAIT: Duration = Duration::from_secs(120);

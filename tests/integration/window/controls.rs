@@ -1,22 +1,17 @@
 //! Keys, the mouse and the saved state of a window.
 
-use super::{
-    LISTEN,
-    client::{Client, Display, Settled},
-    pictures::{colours, difference, is_same_view, lowest},
-    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_the_server},
-};
+use super::LISTEN;
+use super::client::{Client, Display, Settled};
+use super::pictures::{colours, difference, is_same_view, lowest};
+use super::steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_the_server};
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use image::RgbImage;
-use insula_client::{
-    camera_files::read_path,
-    ui::{settings::UserSettings, view_link::ViewLink},
-};
-use insula_tests::{
-    fixtures,
-    programs::{ServerProcess, path_text},
-};
+use insula_client::camera_files::read_path;
+use insula_client::ui::settings::UserSettings;
+use insula_client::ui::view_link::ViewLink;
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, path_text};
 use std::path::Path;
 
 const CPU: Display = Display { adapter: "cpu", scale: 1 };

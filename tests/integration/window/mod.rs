@@ -11,10 +11,8 @@ mod session;
 mod steps;
 
 use client::Display;
-use insula_tests::{
-    programs::find_installed,
-    trials::{Test, Trials, Turn},
-};
+use insula_tests::programs::find_installed;
+use insula_tests::trials::{Test, Trials, Turn};
 
 /// Largest share of differing pixels of two pictures of a view: edges, where other tiles were resident.
 const SAME_VIEW: f64 = 0.03;

@@ -1,7 +1,8 @@
 //! Compares screenshots.
 
 use super::SAME_VIEW;
-use image::{Rgb, RgbImage, imageops::crop_imm};
+use image::imageops::crop_imm;
+use image::{Rgb, RgbImage};
 use std::collections::HashSet;
 
 /// Share of pixels that differ visibly.

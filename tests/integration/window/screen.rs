@@ -1,11 +1,9 @@
 //! The virtual screen that all tests of the window share.
 
 use anyhow::{Context, Result, ensure};
-use std::{
-    io::{BufRead, BufReader},
-    process::{Child, Command, Stdio},
-    sync::{Mutex, PoisonError},
-};
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 static SCREEN: Mutex<Option<Screen>> = Mutex::new(None);
 

@@ -1,18 +1,14 @@
 //! A whole session with a server of two cities.
 
-use super::{
-    LISTEN,
-    client::{Client, Display},
-    pictures::{colours, difference},
-    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture},
-};
+use super::LISTEN;
+use super::client::{Client, Display};
+use super::pictures::{colours, difference};
+use super::steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture};
 use anyhow::{Result, ensure};
 use insula_bake::BakeOptions;
 use insula_client::ui::settings::UserSettings;
-use insula_tests::{
-    fixtures,
-    programs::{ServerProcess, program},
-};
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program};
 use std::process::Command;
 
 /// Size of the window in points.

@@ -1,21 +1,16 @@
 //! A web host of a folder with ranges and ETags, which knows nothing of cities. Its faults can be changed while it runs.
 
-use crate::{
-    http::{self, Request},
-    rng::Rng,
-};
-use std::{
-    fs,
-    io::Write,
-    net::{SocketAddr, TcpStream},
-    os::unix::fs::FileExt,
-    path::Path,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering::Relaxed},
-    },
-    time::{Duration, UNIX_EPOCH},
-};
+use crate::http::{self, Request};
+use crate::rng::Rng;
+use std::fs;
+use std::io::Write;
+use std::net::{SocketAddr, TcpStream};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::time::{Duration, UNIX_EPOCH};
 
 /// Faults of a host; the default is none.
 #[derive(Debug, Default)]

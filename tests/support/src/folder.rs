@@ -1,10 +1,8 @@
 //! Temporary folders.
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// An empty folder, removed when dropped.
 pub struct TestFolder {

@@ -1,10 +1,8 @@
 //! HTTP servers that respond as a test wants, with a thread for each connection.
 
-use std::{
-    io::{BufRead, BufReader},
-    net::{SocketAddr, TcpListener, TcpStream},
-    sync::Arc,
-};
+use std::io::{BufRead, BufReader};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
 
 /// A request without its body.
 #[derive(Debug)]

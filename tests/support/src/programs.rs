@@ -2,14 +2,12 @@
 
 use crate::bucket;
 use anyhow::{Context, Result, bail};
-use std::{
-    ffi::OsStr,
-    io::{BufRead, BufReader, Read},
-    net::SocketAddr,
-    path::{Path, PathBuf},
-    process::{Child, ChildStdout, Command, ExitStatus, Output, Stdio},
-    time::{Duration, Instant},
-};
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// Longest time that a program of a test may run.
 const MAX_TIME: Duration = Duration::from_secs(120);

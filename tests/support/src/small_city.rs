@@ -1,18 +1,13 @@
 //! A minimal city: the root and its north-eastern child, with two meshes if asked for.
 
-use insula_protocol::{
-    BlockMap, Manifest, NODE_CELLS, Subtree, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, MapColumn, WallStrip},
-    manifest::{Attribution, CityCounts, FORMAT_VERSION},
-    mesh_tile,
-    subtree::{LEVELS, MeshLod, NodeInfo, NodeMesh},
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn, WallStrip};
+use insula_protocol::manifest::{Attribution, CityCounts, FORMAT_VERSION};
+use insula_protocol::subtree::{LEVELS, MeshLod, NodeInfo, NodeMesh};
+use insula_protocol::{BlockMap, Manifest, NODE_CELLS, Subtree, Texel, TileId, TileKind, mesh_tile};
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
-use std::{
-    fs::File,
-    path::{Path, PathBuf},
-    sync::OnceLock,
-};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Version of the city.
 pub const VERSION: &str = "0123456789abcdef";

@@ -5,17 +5,14 @@
 
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
-use insula_objects::{filter::FilteredObjects, search::SearchHit};
-use insula_protocol::{Manifest, TileGroup, TileKind, text::printable};
-use insula_viewer::{
-    scene::TileKey,
-    source::FetchError,
-    source::{BoxFuture, PendingGroup, PendingTile, TileSource},
-};
-use std::{
-    io,
-    sync::{Arc, Once},
-};
+use insula_objects::filter::FilteredObjects;
+use insula_objects::search::SearchHit;
+use insula_protocol::text::printable;
+use insula_protocol::{Manifest, TileGroup, TileKind};
+use insula_viewer::scene::TileKey;
+use insula_viewer::source::{BoxFuture, FetchError, PendingGroup, PendingTile, TileSource};
+use std::io;
+use std::sync::{Arc, Once};
 
 /// File extension of what is kept.
 pub const EXTENSION: &str = "tile";

@@ -2,25 +2,20 @@
 
 use crate::stream::fetch::Http;
 use bytes::Bytes;
-use insula_archive::{
-    RangeRead, RangeSource, ReadError, SharedSource,
-    city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-    file::open_regular,
-    file_source::FileSource,
-};
+use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
+use insula_archive::file::open_regular;
+use insula_archive::file_source::FileSource;
+use insula_archive::{RangeRead, RangeSource, ReadError, SharedSource};
 use insula_objects::search::SearchIndex;
-use insula_protocol::{Manifest, TileKind, manifest::CityMarks};
-use insula_viewer::source::{
-    FetchError, TileSource,
-    archive::{ArchivedCity, open_index, to_read_error},
-};
-use std::{
-    fmt::Display,
-    io::{ErrorKind, Read},
-    ops::Range,
-    path::{Path, PathBuf},
-    sync::{Arc, OnceLock},
-};
+use insula_protocol::manifest::CityMarks;
+use insula_protocol::{Manifest, TileKind};
+use insula_viewer::source::archive::{ArchivedCity, open_index, to_read_error};
+use insula_viewer::source::{FetchError, TileSource};
+use std::fmt::Display;
+use std::io::{ErrorKind, Read};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// One archive of a folder, opened at the first read. A file that is replaced later is still the one that was opened.
 #[derive(Debug, Clone)]

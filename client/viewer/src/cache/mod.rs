@@ -11,19 +11,17 @@ mod pages;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use crate::{
-    objects::ObjectStyles,
-    scene::TileKey,
-    solids::{ColumnSolids, MeshSolids},
-};
+use crate::objects::ObjectStyles;
+use crate::scene::TileKey;
+use crate::solids::{ColumnSolids, MeshSolids};
 use additions::ResidentAdditions;
-use insula_protocol::{BlockMap, TileId, mesh::Mesh, mesh_tile::LandmarkObject};
-use insula_shaders::{
-    layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    mesh::{LandmarkBounds, MeshTexture, PackError, PackedMesh},
-    pack::{PackedNode, PackedObjects, Page},
-    shore::Shore,
-};
+use insula_protocol::mesh::Mesh;
+use insula_protocol::mesh_tile::LandmarkObject;
+use insula_protocol::{BlockMap, TileId};
+use insula_shaders::layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS};
+use insula_shaders::mesh::{LandmarkBounds, MeshTexture, PackError, PackedMesh};
+use insula_shaders::pack::{PackedNode, PackedObjects, Page};
+use insula_shaders::shore::Shore;
 use lru::LruCache;
 use pages::PagePool;
 use serde::{Deserialize, Serialize};

@@ -3,11 +3,9 @@
 use super::*;
 use crate::additions::{AddedObject, AdditionError, FIRST_ADDED, pack};
 use glam::DVec3;
-use insula_protocol::{
-    BlockMap, Texel,
-    blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows},
-    mesh::{Attribute, Mesh, PositionGrid},
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows};
+use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
+use insula_protocol::{BlockMap, Texel};
 use std::collections::HashMap;
 
 /// Keeps nothing.

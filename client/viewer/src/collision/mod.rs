@@ -10,12 +10,11 @@
 #[cfg(test)]
 mod tests;
 
-use crate::{
-    cache::AtlasCache,
-    solids::{SolidInterval, TileSolids, exits_of},
-};
+use crate::cache::AtlasCache;
+use crate::solids::{SolidInterval, TileSolids, exits_of};
 use glam::{DVec2, DVec3, Vec3Swizzles};
-use insula_protocol::{Manifest, TileId, mesh_tile::MAX_LODS};
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::{Manifest, TileId};
 
 /// Most tiles that a way is followed through.
 const MAX_TILES: usize = 1024;

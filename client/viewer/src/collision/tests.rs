@@ -1,19 +1,15 @@
 //! Tests of solids in a city of four leaves.
 
 use super::*;
-use crate::{
-    cache::{PackedTile, tests::NoAtlas},
-    scene::TileKey,
-    solids::MeshSolids,
-};
+use crate::cache::PackedTile;
+use crate::cache::tests::NoAtlas;
+use crate::scene::TileKey;
+use crate::solids::MeshSolids;
 use glam::dvec3;
-use insula_protocol::{
-    Texel,
-    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, WallStrip, strip_rows},
-    mesh::{Mesh, PositionGrid},
-    mesh_tile::cuboid,
-    octahedral,
-};
+use insula_protocol::blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, WallStrip, strip_rows};
+use insula_protocol::mesh::{Mesh, PositionGrid};
+use insula_protocol::mesh_tile::cuboid;
+use insula_protocol::{Texel, octahedral};
 use insula_test_support::small_city::empty_manifest;
 
 /// A city of four leaves of 64 m, 100 m above zero, with its ground plane at 100 m.

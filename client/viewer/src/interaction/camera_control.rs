@@ -1,11 +1,10 @@
 //! Steers the camera with keys and mouse: flying, or orbiting around a point.
 
-use crate::{
-    camera::Camera,
-    collision::{CitySolids, EYE_HEIGHT_M},
-};
+use crate::camera::Camera;
+use crate::collision::{CitySolids, EYE_HEIGHT_M};
 use glam::DVec3;
-use std::{f64::consts::FRAC_PI_2, time::Duration};
+use std::f64::consts::FRAC_PI_2;
+use std::time::Duration;
 use web_time::Instant;
 
 /// Angle per pixel of dragging.

@@ -5,7 +5,8 @@
 
 use super::frame_budget::FrameBudget;
 use crate::frame::{MOVING_SAMPLES, STILL_SAMPLES};
-use std::{ops::RangeInclusive, time::Duration};
+use std::ops::RangeInclusive;
+use std::time::Duration;
 use web_time::Instant;
 
 /// A view that has not changed for this time is drawn with more rays per pixel.

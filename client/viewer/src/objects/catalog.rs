@@ -1,16 +1,15 @@
 //! The objects of a city from the source of its tiles: schema and blocks, fetched when they are needed and kept in bounds.
 
-use crate::{scene::TileKey, source::FetchError, source::TileSource};
-use insula_objects::{ObjectBlock, ObjectRecord, Schema, filter::FilteredObjects, search::SearchHit};
-use insula_protocol::{
-    DecodeError,
-    object_tile::{self, SCHEMA_ID, block_of_object},
-};
+use crate::scene::TileKey;
+use crate::source::{FetchError, TileSource};
+use insula_objects::filter::FilteredObjects;
+use insula_objects::search::SearchHit;
+use insula_objects::{ObjectBlock, ObjectRecord, Schema};
+use insula_protocol::DecodeError;
+use insula_protocol::object_tile::{self, SCHEMA_ID, block_of_object};
 use lru::LruCache;
-use std::{
-    num::NonZeroUsize,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::num::NonZeroUsize;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Decoded blocks that are kept. A block has up to 512 objects.
 const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(256).unwrap();

@@ -4,12 +4,10 @@
 //! filter that its parent passes. Kinds of which no object has the attribute, such as terrain, are drawn as they are.
 
 use super::ObjectStyles;
-use insula_objects::{
-    FeatureKind, ObjectBlock, Value,
-    color::ColorBy,
-    family::of_largest_numbers,
-    filter::{Filter, FilterBuilder, FilteredObjects},
-};
+use insula_objects::color::ColorBy;
+use insula_objects::family::of_largest_numbers;
+use insula_objects::filter::{Filter, FilterBuilder, FilteredObjects};
+use insula_objects::{FeatureKind, ObjectBlock, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Colour of objects that do not pass a filter and are shown faintly.

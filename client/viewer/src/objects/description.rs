@@ -2,10 +2,8 @@
 
 use super::CityObjects;
 use crate::source::FetchError;
-use insula_objects::{
-    FeatureKind, NamedValues, ObjectBounds,
-    family::{PartValues, inherit},
-};
+use insula_objects::family::{PartValues, inherit};
+use insula_objects::{FeatureKind, NamedValues, ObjectBounds};
 use insula_protocol::object_tile::block_of_object;
 use serde::Serialize;
 

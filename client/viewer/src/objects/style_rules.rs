@@ -1,13 +1,12 @@
 //! Texts that say how objects are drawn, as command lines and pages have them, and the styles that follow.
 
-use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder, coloring::styles_of_filter};
+use super::coloring::styles_of_filter;
+use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder};
 use crate::source::FetchError;
-use insula_objects::{
-    Schema, Value,
-    color::{ColorBy, Legend, sampled_blocks},
-    filter::{Filter, FilterError},
-    value::ValueType,
-};
+use insula_objects::color::{ColorBy, Legend, sampled_blocks};
+use insula_objects::filter::{Filter, FilterError};
+use insula_objects::value::ValueType;
+use insula_objects::{Schema, Value};
 
 /// How objects are to be drawn. Empty texts ask for nothing.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -1,21 +1,15 @@
 //! The CPU ray-caster with its own copy of the atlas in main memory.
 
 use super::MadeMaps;
-use crate::{
-    cache::{Upload, slots_for},
-    frame::FrameData,
-    translucency::MAP_PAGES,
-};
-use insula_shaders::{
-    cpu::{
-        instruction_set::InstructionSet,
-        raycast::{Pixels, RayCounts, Sampling, SceneRef, count},
-        render::{render_with, with_spare_core},
-        stepped::{FrameProgress, SteppedFrame},
-        translucency_map::make_map,
-    },
-    layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
-};
+use crate::cache::{Upload, slots_for};
+use crate::frame::FrameData;
+use crate::translucency::MAP_PAGES;
+use insula_shaders::cpu::instruction_set::InstructionSet;
+use insula_shaders::cpu::raycast::{Pixels, RayCounts, Sampling, SceneRef, count};
+use insula_shaders::cpu::render::{render_with, with_spare_core};
+use insula_shaders::cpu::stepped::{FrameProgress, SteppedFrame};
+use insula_shaders::cpu::translucency_map::make_map;
+use insula_shaders::layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS};
 
 /// Atlas and summaries of the CPU ray-caster.
 #[derive(Debug)]

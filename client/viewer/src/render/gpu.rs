@@ -1,19 +1,17 @@
 //! The GPU ray-caster.
 
-use super::{MadeMaps, adapter_info::AdapterInfo};
-use crate::{
-    additions::MAX_ADDED_MESHES,
-    cache::{PAGE_BYTES, Upload, slots_for},
-    frame::FrameData,
-    select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
-    translucency::MAP_PAGES,
-};
+use super::MadeMaps;
+use super::adapter_info::AdapterInfo;
+use crate::additions::MAX_ADDED_MESHES;
+use crate::cache::{PAGE_BYTES, Upload, slots_for};
+use crate::frame::FrameData;
+use crate::select::occlusion_feedback::OcclusionQuery;
+use crate::select::transitions::MAX_FADING;
+use crate::translucency::MAP_PAGES;
 #[cfg(not(target_arch = "wasm32"))]
 use insula_shaders::cpu::raycast::{Pixels, RayCounts};
-use insula_shaders::{
-    gpu::{Capacity, DeviceQueue, GpuError, HitCounts, Raycaster},
-    layout::SUMMARY_WORDS,
-};
+use insula_shaders::gpu::{Capacity, DeviceQueue, GpuError, HitCounts, Raycaster};
+use insula_shaders::layout::SUMMARY_WORDS;
 
 /// An open GPU device.
 #[derive(Debug, Clone)]

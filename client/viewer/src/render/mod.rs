@@ -9,12 +9,12 @@ mod gpu;
 #[cfg(feature = "gpu")]
 mod trial;
 
-use insula_shaders::{layout::FrameUniform, translucency::MAX_MAPS};
-
 pub use adapter_info::AdapterInfo;
 pub use cpu::CpuAdapter;
 #[cfg(feature = "gpu")]
 pub use gpu::{GpuAdapter, GpuDevice};
+use insula_shaders::layout::FrameUniform;
+use insula_shaders::translucency::MAX_MAPS;
 #[cfg(feature = "gpu")]
 pub use trial::TrialCity;
 

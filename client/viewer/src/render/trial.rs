@@ -2,25 +2,18 @@
 //!
 //! Streets between blocks of houses, seen over the roofs: about a third of the frame is sky.
 
-use crate::{
-    cache::Upload,
-    camera::{Camera, View},
-    frame::{FrameData, MOVING_SAMPLES, RenderSettings, frame_uniform},
-    select::occlusion_feedback::OcclusionQuery,
-};
+use crate::cache::Upload;
+use crate::camera::{Camera, View};
+use crate::frame::{FrameData, MOVING_SAMPLES, RenderSettings, frame_uniform};
+use crate::select::occlusion_feedback::OcclusionQuery;
 use glam::DVec3;
-use insula_protocol::{
-    BlockMap, DecodeError, NODE_CELLS, TileId,
-    blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows, voxel_error_m},
-    octahedral,
-    texel::{AO_MAX, Texel},
-};
-use insula_shaders::{
-    grid::{GridBuilder, GridFrame},
-    layout::{DrawNode, PLANES},
-    pack::PackedNode,
-    stone::{MAX_STONES, Stone},
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows, voxel_error_m};
+use insula_protocol::texel::{AO_MAX, Texel};
+use insula_protocol::{BlockMap, DecodeError, NODE_CELLS, TileId, octahedral};
+use insula_shaders::grid::{GridBuilder, GridFrame};
+use insula_shaders::layout::{DrawNode, PLANES};
+use insula_shaders::pack::PackedNode;
+use insula_shaders::stone::{MAX_STONES, Stone};
 
 /// Nodes along a side of the city, all with the same columns.
 const NODES_PER_SIDE: u32 = 1 << LEVEL;

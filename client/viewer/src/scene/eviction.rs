@@ -3,13 +3,13 @@
 //! A subtree in use is never evicted, nor one above it, so that what the frame draws stays known. An evicted subtree is requested
 //! again when a selection needs it.
 
-use super::{
-    key::TileKey,
-    memory::{TreeMemory, listing_subtree},
-    tile::{TileRecord, TileState},
-    tree::{LOD_BYTES, NODE_BYTES, NodeIndex, SceneTree},
-};
-use insula_protocol::{Subtree, TileId, mesh_tile::MAX_LODS, subtree::MAX_NODES};
+use super::key::TileKey;
+use super::memory::{TreeMemory, listing_subtree};
+use super::tile::{TileRecord, TileState};
+use super::tree::{LOD_BYTES, NODE_BYTES, NodeIndex, SceneTree};
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::subtree::MAX_NODES;
+use insula_protocol::{Subtree, TileId};
 
 /// Memory for the largest subtree.
 pub(crate) const MAX_SUBTREE_BYTES: usize = MAX_NODES * NODE_BYTES + 1024 * MAX_LODS as usize * LOD_BYTES;

@@ -5,7 +5,8 @@
 
 use super::key::TileKey;
 use insula_protocol::{Subtree, TileId};
-use std::{cmp::Reverse, collections::HashMap};
+use std::cmp::Reverse;
+use std::collections::HashMap;
 
 /// The memory that the nodes of a tree take, by subtree.
 #[derive(Debug, Clone)]

@@ -1,20 +1,17 @@
 //! The known nodes of a city in one array, with the states of their tiles.
 
-use super::{
-    key::TileKey,
-    memory::{TreeMemory, listing_subtree},
-    tile::{TileEvent, TileRecord},
-    visibility::VisibilityTiles,
-};
+use super::key::TileKey;
+use super::memory::{TreeMemory, listing_subtree};
+use super::tile::{TileEvent, TileRecord};
+use super::visibility::VisibilityTiles;
 use glam::{DVec2, DVec3};
-use insula_protocol::{
-    Manifest, Subtree, TileId, TileKind,
-    subtree::{MeshLod, NodeInfo},
-};
+use insula_protocol::subtree::{MeshLod, NodeInfo};
+use insula_protocol::{Manifest, Subtree, TileId, TileKind};
 use insula_shaders::mesh::pages_guess;
 use insula_shaders::shore::Shore;
 use insula_shaders::stone::{MAX_STONES, Stone, StoneParameters};
-use std::{collections::HashMap, num::NonZeroU32};
+use std::collections::HashMap;
+use std::num::NonZeroU32;
 
 /// Pages that a V-BlockMap is assumed to take until [`MIN_SAMPLES`] have been decoded. After that, the average is assumed.
 const DEFAULT_PAGES: u32 = 6;

@@ -1,11 +1,10 @@
 //! What can be seen from where the eye is.
 
-use super::{key::TileKey, tree::SceneTree};
+use super::key::TileKey;
+use super::tree::SceneTree;
 use glam::DVec3;
-use insula_protocol::{
-    Manifest, TileId, VisibilityTile,
-    visibility_tile::{VisibleSet, block_of_leaf},
-};
+use insula_protocol::visibility_tile::{VisibleSet, block_of_leaf};
+use insula_protocol::{Manifest, TileId, VisibilityTile};
 
 /// Eyes this far above the ground plane are in no cell, in metres, unless they are near the ground of a hill.
 const MAX_HEIGHT_M: f64 = 60.0;

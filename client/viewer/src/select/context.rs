@@ -1,16 +1,13 @@
 //! What all steps of one selection know, and the questions about nodes that they share.
 
-use super::{
-    cull,
-    occlusion_feedback::{OcclusionFeedback, Visibility},
-    screen_error::ErrorMetric,
-};
-use crate::{
-    camera::{FrustumPlane, View},
-    scene::{NodeIndex, SceneTree, TileRecord, TileState, TreeNode},
-    switching::NodeVolume,
-};
-use insula_protocol::{TileId, visibility_tile::VisibleSet};
+use super::cull;
+use super::occlusion_feedback::{OcclusionFeedback, Visibility};
+use super::screen_error::ErrorMetric;
+use crate::camera::{FrustumPlane, View};
+use crate::scene::{NodeIndex, SceneTree, TileRecord, TileState, TreeNode};
+use crate::switching::NodeVolume;
+use insula_protocol::TileId;
+use insula_protocol::visibility_tile::VisibleSet;
 
 /// A node whose visibility is unknown is requested only while its parent's error exceeds this multiple of tau. This bounds how
 /// coarse a node is when it comes into view.

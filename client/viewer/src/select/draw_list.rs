@@ -3,13 +3,11 @@
 //! It has one entry for each node that was visited and not refined, drawn from its own tile, or from its part of the nearest
 //! resident ancestor's. No area waits for the areas beside it.
 
-use super::{
-    context::SelectionContext,
-    meshes,
-    occlusion_feedback::Visibility,
-    selection::{DrawTile, Selection},
-    visited::{Cover, SelectionScratch, Visit},
-};
+use super::context::SelectionContext;
+use super::meshes;
+use super::occlusion_feedback::Visibility;
+use super::selection::{DrawTile, Selection};
+use super::visited::{Cover, SelectionScratch, Visit};
 use crate::scene::TileKey;
 
 /// Writes the draw list, what it uses, and its statistics to `selection`.

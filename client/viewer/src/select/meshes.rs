@@ -4,11 +4,9 @@
 //! Until that is resident, the nearest resident level is drawn, coarser ones first; else the V-BlockMap. A resident V-BlockMap
 //! within tau is drawn instead of a mesh: both look the same from there.
 
-use super::{
-    context::{SelectionContext, is_alternate_level},
-    priority::{self, RequestReason, TileRequest},
-    visited::{Cover, Visit},
-};
+use super::context::{SelectionContext, is_alternate_level};
+use super::priority::{self, RequestReason, TileRequest};
+use super::visited::{Cover, Visit};
 use crate::scene::{NodeIndex, SceneTree, TileKey, TreeNode};
 
 /// The level of detail that is drawn in a leaf's area.

@@ -30,7 +30,8 @@ pub mod transitions;
 mod visit;
 mod visited;
 
-use crate::{camera::View, scene::SceneTree};
+use crate::camera::View;
+use crate::scene::SceneTree;
 pub(crate) use context::OCCLUDED_TAU_FACTOR;
 use context::SelectionContext;
 use occlusion_feedback::OcclusionFeedback;

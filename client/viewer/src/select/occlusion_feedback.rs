@@ -14,10 +14,8 @@
 //! Before the first feedback, all nodes are visible.
 
 use super::cull;
-use crate::{
-    camera::{FrustumPlane, View},
-    scene::{NodeIndex, SceneTree},
-};
+use crate::camera::{FrustumPlane, View};
+use crate::scene::{NodeIndex, SceneTree};
 use insula_protocol::TileId;
 
 /// Number of frames for which a node stays visible after its last hit, while the camera moves.

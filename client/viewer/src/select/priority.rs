@@ -1,6 +1,7 @@
 //! Requests for tiles, and the order in which they are fetched.
 
-use crate::{camera::View, scene::TileKey};
+use crate::camera::View;
+use crate::scene::TileKey;
 use glam::DVec3;
 use std::cmp::Ordering;
 

@@ -1,16 +1,16 @@
 //! Third step of a selection: the requests for missing tiles, and their order.
 
-use super::{
-    context::SelectionContext,
-    meshes,
-    priority::{self, PriorityGroup, RequestReason, TileRequest},
-    screen_error::MIN_DISTANCE_M,
-    selection::Selection,
-    visited::{Cover, SelectionScratch, Visit},
-};
+use super::context::SelectionContext;
+use super::meshes;
+use super::priority::{self, PriorityGroup, RequestReason, TileRequest};
+use super::screen_error::MIN_DISTANCE_M;
+use super::selection::Selection;
+use super::visited::{Cover, SelectionScratch, Visit};
 use crate::scene::TileKey;
 use glam::DVec3;
-use insula_protocol::{Subtree, TileId, blockmap::voxel_error_m, subtree::LEVELS};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::subtree::LEVELS;
+use insula_protocol::{Subtree, TileId};
 
 /// Distance at which the weight of a tile that is requested as visible has fallen to half, in metres.
 const HALF_WEIGHT_M: f64 = 64.0;

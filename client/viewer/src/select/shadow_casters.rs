@@ -4,16 +4,12 @@
 //! is selected if its shadow volume meets the frustum and, where occlusion is known, a node that is not occluded. Nodes that are
 //! also in view are drawn as finely as the view asks for; the shadow casters fill in the rest, more coarsely.
 
-use super::{
-    cull,
-    priority::{self, PriorityGroup, RequestReason, TileRequest},
-    screen_error::ErrorMetric,
-    selection::Selection,
-};
-use crate::{
-    camera::{FrustumPlane, View},
-    scene::{NodeIndex, SceneTree, TileKey, TreeNode},
-};
+use super::cull;
+use super::priority::{self, PriorityGroup, RequestReason, TileRequest};
+use super::screen_error::ErrorMetric;
+use super::selection::Selection;
+use crate::camera::{FrustumPlane, View};
+use crate::scene::{NodeIndex, SceneTree, TileKey, TreeNode};
 use glam::DVec3;
 use insula_protocol::Subtree;
 use std::collections::HashSet;

@@ -9,20 +9,17 @@ mod switching;
 mod transitions;
 
 use super::*;
-use crate::{
-    camera::Camera,
-    scene::{NodeIndex, TileEvent, TileKey, TreeNode},
-};
+use crate::camera::Camera;
+use crate::scene::{NodeIndex, TileEvent, TileKey, TreeNode};
 use glam::DVec3;
-use insula_protocol::{
-    Manifest, Subtree, TileId,
-    subtree::{MeshLod, NodeInfo, NodeMesh},
-};
+use insula_protocol::subtree::{MeshLod, NodeInfo, NodeMesh};
+use insula_protocol::{Manifest, Subtree, TileId};
 use insula_test_support::small_city::empty_manifest;
 use occlusion_feedback::OcclusionQuery;
 use priority::{PriorityGroup, RequestReason, TileRequest};
 use screen_error::ErrorMetric;
-use std::{collections::HashSet, time::Duration};
+use std::collections::HashSet;
+use std::time::Duration;
 
 const DEPTH: u8 = 5;
 const SIDE_M: f64 = 64.0 * 32.0;

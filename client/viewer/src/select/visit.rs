@@ -46,14 +46,12 @@
 //! The request of a node that is then refined itself is dropped if its tile would be drawn for a moment only: its level is
 //! skipped, or its error is at most two tau and it was requested as visible.
 
-use super::{
-    context::{SelectionContext, has_known_children, has_resident_tile},
-    meshes,
-    occlusion_feedback::Visibility,
-    priority::{self, RequestReason, TileRequest},
-    selection::Selection,
-    visited::{SelectionScratch, Visit, VisitCandidate},
-};
+use super::context::{SelectionContext, has_known_children, has_resident_tile};
+use super::meshes;
+use super::occlusion_feedback::Visibility;
+use super::priority::{self, RequestReason, TileRequest};
+use super::selection::Selection;
+use super::visited::{SelectionScratch, Visit, VisitCandidate};
 use crate::scene::{NodeIndex, TileKey, TreeNode};
 use glam::DVec3;
 use insula_protocol::{Subtree, TileId};

@@ -1,8 +1,11 @@
 //! The part of the scene tree that a selection visits: every visited node, and what can be drawn in its area.
 
-use super::{occlusion_feedback::Visibility, priority::RequestReason};
+use super::occlusion_feedback::Visibility;
+use super::priority::RequestReason;
 use crate::scene::{NodeIndex, SceneTree};
-use std::{cmp::Ordering, collections::BinaryHeap, ops::Range};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::ops::Range;
 
 /// Memory that selections reuse from frame to frame.
 #[derive(Debug, Clone, Default)]

@@ -2,10 +2,8 @@
 
 use super::{SolidInterval, exits_of};
 use glam::{DVec2, DVec3, Vec3Swizzles};
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, flag},
-};
+use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, flag};
+use insula_protocol::{BlockMap, NODE_CELLS};
 use insula_shaders::pack::slope_codes;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;

@@ -4,9 +4,8 @@ mod column_solids;
 mod mesh_solids;
 
 pub use column_solids::ColumnSolids;
-pub use mesh_solids::MeshSolids;
-
 use glam::{DVec2, DVec3};
+pub use mesh_solids::MeshSolids;
 
 /// A solid above and below a point: heights of bottom and top. An open bottom is minus infinity.
 #[derive(Debug, Clone, Copy, PartialEq)]

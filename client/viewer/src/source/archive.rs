@@ -1,12 +1,15 @@
 //! A city's archives in a folder or on a plain host. Its index of texts is read in one piece at the first search.
 
 use super::{BoxFuture, PendingGroup, PendingTile, Shareable, TileSource};
-use crate::{scene::TileKey, source::FetchError};
+use crate::scene::TileKey;
+use crate::source::FetchError;
 use bytes::Bytes;
 use futures_util::lock::Mutex;
-use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource, city::SEARCH_FILE};
+use insula_archive::city::SEARCH_FILE;
+use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
 use insula_objects::search::{SearchHit, SearchIndex};
-use insula_protocol::{Manifest, TileGroup, TileId, TileKind, manifest::CityMarks, mesh_tile};
+use insula_protocol::manifest::CityMarks;
+use insula_protocol::{Manifest, TileGroup, TileId, TileKind, mesh_tile};
 use std::sync::Arc;
 
 /// Future of a city's index; `None` if it has none.

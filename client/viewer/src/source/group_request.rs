@@ -1,9 +1,11 @@
 //! One request for several tiles.
 
 use super::{BoxFuture, TileSource};
-use crate::{scene::TileKey, source::FetchError};
+use crate::scene::TileKey;
+use crate::source::FetchError;
 use bytes::Bytes;
-use futures_util::{FutureExt as _, future::Shared};
+use futures_util::FutureExt as _;
+use futures_util::future::Shared;
 use insula_protocol::TileGroup;
 use std::sync::Arc;
 

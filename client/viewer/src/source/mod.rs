@@ -16,7 +16,8 @@ use crate::scene::TileKey;
 use bytes::Bytes;
 pub use fetch_error::{FetchError, REPLACED};
 pub use insula_archive::source::BoxFuture;
-use insula_objects::{filter::FilteredObjects, search::SearchHit};
+use insula_objects::filter::FilteredObjects;
+use insula_objects::search::SearchHit;
 use insula_protocol::TileGroup;
 use std::ops::Range;
 

@@ -1,19 +1,17 @@
 //! Tiles from an Insula server.
 
 use super::{BoxFuture, PendingGroup, PendingTile, TileSource, Transport};
-use crate::{scene::TileKey, source::FetchError};
+use crate::scene::TileKey;
+use crate::source::FetchError;
 use bytes::Bytes;
 use insula_archive::limits::max_tile_bytes;
-use insula_objects::{filter::FilteredObjects, search::SearchHit};
-use insula_protocol::{
-    DecodeError, Manifest, TileGroup, TileKind, route,
-    tile_group::{self, GroupMember},
-};
+use insula_objects::filter::FilteredObjects;
+use insula_objects::search::SearchHit;
+use insula_protocol::tile_group::{self, GroupMember};
+use insula_protocol::{DecodeError, Manifest, TileGroup, TileKind, route};
 use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering},
-};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest response of a search.
 const MAX_HITS_BYTES: usize = 1 << 20;
@@ -136,12 +134,10 @@ mod tests {
     use futures_util::FutureExt as _;
     use insula_protocol::TileId;
     use insula_test_support::small_city::empty_manifest;
-    use std::{
-        ops::Range,
-        pin::pin,
-        sync::Mutex,
-        task::{Context, Poll, Waker},
-    };
+    use std::ops::Range;
+    use std::pin::pin;
+    use std::sync::Mutex;
+    use std::task::{Context, Poll, Waker};
 
     /// Answers each request with `body`, and keeps its address.
     #[derive(Debug)]

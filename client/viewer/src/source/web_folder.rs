@@ -1,20 +1,14 @@
 //! A baked city's folder on any host that answers ranges: a web server, a bucket, a CDN.
 
-use super::{
-    RangeResponse, TileSource, Transport,
-    archive::{ArchivedCity, open_index, to_read_error},
-};
+use super::archive::{ArchivedCity, open_index, to_read_error};
+use super::{RangeResponse, TileSource, Transport};
 use crate::source::FetchError;
 use bytes::Bytes;
-use insula_archive::{
-    RangeRead, RangeSource, ReadError, SharedSource,
-    city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-};
+use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
+use insula_archive::{RangeRead, RangeSource, ReadError, SharedSource};
 use insula_protocol::{Manifest, TileKind};
-use std::{
-    ops::Range,
-    sync::{Arc, OnceLock},
-};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 /// One archive of a host.
 #[derive(Debug, Clone)]

@@ -3,21 +3,15 @@
 //! Fetching and decoding happen elsewhere, behind [`TileFetcher`]. Everything is bounded: requests in flight by
 //! [`RequestQueue`], decoded tiles by the fetcher.
 
-use super::{
-    request_grouping::PlannedRequest,
-    request_queue::{Reachability, RequestPlan, RequestQueue},
-};
+use super::request_grouping::PlannedRequest;
+use super::request_queue::{Reachability, RequestPlan, RequestQueue};
+use crate::decode::DecodedTile;
+use crate::scene::{SceneTree, TileEvent, TileKey};
+use crate::select::priority::TileRequest;
 use crate::source::FetchError;
-use crate::{
-    decode::DecodedTile,
-    scene::{SceneTree, TileEvent, TileKey},
-    select::priority::TileRequest,
-};
 use insula_protocol::TileGroup;
-use std::{
-    collections::{HashMap, VecDeque},
-    time::Duration,
-};
+use std::collections::{HashMap, VecDeque};
+use std::time::Duration;
 
 /// Pause before a tile that was damaged repeatedly is requested once more. A proxy's bad copy often lives no longer.
 const RECHECK_PAUSE: Duration = Duration::from_secs(20);
@@ -258,10 +252,8 @@ impl<F: TileFetcher> Downloads<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::TileState,
-        select::tests::{request, tree},
-    };
+    use crate::scene::TileState;
+    use crate::select::tests::{request, tree};
     use insula_protocol::TileId;
 
     /// Answers every request with a damaged tile.

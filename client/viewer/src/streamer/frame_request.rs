@@ -1,6 +1,7 @@
 //! What a shell asks a streamer for.
 
-use crate::{camera::Camera, switching::SwitchDistances};
+use crate::camera::Camera;
+use crate::switching::SwitchDistances;
 
 /// A frame that is to be shown.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,13 +5,13 @@
 //! occlusion feedback starts from that of the frame. Small frames, which the shell draws but does not show, refine it.
 
 use super::frame_request::FrameRequest;
-use crate::{
-    cache::AtlasCache,
-    camera::{Camera, View},
-    frame::{FrameData, FrameInputs, RenderSettings},
-    scene::SceneTree,
-    select::{Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, transitions::Transitions},
-};
+use crate::cache::AtlasCache;
+use crate::camera::{Camera, View};
+use crate::frame::{FrameData, FrameInputs, RenderSettings};
+use crate::scene::SceneTree;
+use crate::select::occlusion_feedback::OcclusionFeedback;
+use crate::select::transitions::Transitions;
+use crate::select::{Selection, SelectionScratch, select};
 
 /// Turns to the left and to the right of the view whose tiles are prefetched, in degrees.
 const TURNS_DEG: [f64; 2] = [30.0, -30.0];

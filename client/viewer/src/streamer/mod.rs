@@ -23,23 +23,18 @@ mod tests;
 mod tile_store;
 mod upload_queue;
 
-use crate::{
-    additions::{AdditionError, PackedAddition},
-    cache::{Upload, slots_for},
-    camera::{Camera, View},
-    frame::{FrameData, FrameInputs, RenderSettings},
-    node_boxes::box_edges,
-    objects::ObjectStyles,
-    scene::{SceneTree, TileKey},
-    select::{
-        Selection, SelectionScratch,
-        occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
-        priority::{PriorityGroup, TileRequest},
-        select,
-        shadow_casters::{ShadowCasters, shadow_casters},
-        transitions::Transitions,
-    },
-};
+use crate::additions::{AdditionError, PackedAddition};
+use crate::cache::{Upload, slots_for};
+use crate::camera::{Camera, View};
+use crate::frame::{FrameData, FrameInputs, RenderSettings};
+use crate::node_boxes::box_edges;
+use crate::objects::ObjectStyles;
+use crate::scene::{SceneTree, TileKey};
+use crate::select::occlusion_feedback::{OcclusionFeedback, OcclusionQuery};
+use crate::select::priority::{PriorityGroup, TileRequest};
+use crate::select::shadow_casters::{ShadowCasters, shadow_casters};
+use crate::select::transitions::Transitions;
+use crate::select::{Selection, SelectionScratch, select};
 use adaptive_threshold::{AdaptiveThreshold, SelectionOutcome};
 pub use downloads::{Downloads, FetchOutcome, TileFetcher};
 pub use error::StreamError;
@@ -52,7 +47,8 @@ use insula_shaders::stone::Stone;
 use occlusion_gate::OcclusionGate;
 use request_policy::{RequestPhase, RequestPolicy};
 pub use status::StreamStatus;
-use std::{collections::HashSet, time::Duration};
+use std::collections::HashSet;
+use std::time::Duration;
 use tile_store::TileStore;
 pub use upload_queue::TileCounts;
 

@@ -3,17 +3,14 @@
 //! Coarse columns let rays through that finer ones stop. So a tile behind one in flight may be occluded after the arrival.
 //! It waits until a frame has been drawn with its possible occluders, for 250 ms at most.
 
-use crate::{
-    camera::View,
-    scene::{SceneTree, TileKey, TileState},
-    select::{
-        OCCLUDED_TAU_FACTOR,
-        horizon_culling::{Occluder, may_be_occluded},
-        priority::{PriorityGroup, TileRequest},
-    },
-};
+use crate::camera::View;
+use crate::scene::{SceneTree, TileKey, TileState};
+use crate::select::OCCLUDED_TAU_FACTOR;
+use crate::select::horizon_culling::{Occluder, may_be_occluded};
+use crate::select::priority::{PriorityGroup, TileRequest};
 use insula_protocol::TileKind;
-use std::{collections::HashSet, time::Duration};
+use std::collections::HashSet;
+use std::time::Duration;
 
 /// Longest time that a tile is waited for, and that the frame after its arrival is waited for.
 const PATIENCE: Duration = Duration::from_millis(250);
@@ -109,10 +106,8 @@ fn is_expired(since: Duration, now: Duration) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::TileEvent,
-        select::tests::{load, request, tree, view},
-    };
+    use crate::scene::TileEvent;
+    use crate::select::tests::{load, request, tree, view};
     use insula_protocol::TileId;
 
     const NOW: Duration = Duration::from_secs(100);

@@ -10,15 +10,12 @@
 //! In the last three phases, tiles that others on their way may occlude wait ([`OcclusionGate`]), unless the source does not
 //! respond: tiles that are cached locally must not wait for the network.
 
-use super::{
-    downloads::{Downloads, TileFetcher},
-    occlusion_gate::{GateInputs, OcclusionGate},
-};
-use crate::{
-    camera::View,
-    scene::{SceneTree, TileKey, TileState},
-    select::{OCCLUDED_TAU_FACTOR, priority::TileRequest},
-};
+use super::downloads::{Downloads, TileFetcher};
+use super::occlusion_gate::{GateInputs, OcclusionGate};
+use crate::camera::View;
+use crate::scene::{SceneTree, TileKey, TileState};
+use crate::select::OCCLUDED_TAU_FACTOR;
+use crate::select::priority::TileRequest;
 use insula_protocol::{TileId, TileKind};
 use std::time::Duration;
 

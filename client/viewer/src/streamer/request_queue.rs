@@ -1,14 +1,11 @@
 //! Decides, frame by frame, which requests to start and which to cancel.
 
 use super::request_grouping::PlannedRequest;
-use crate::{
-    scene::{SceneTree, TileEvent, TileKey, tile::retry_delay},
-    select::priority::TileRequest,
-};
-use std::{
-    collections::{HashMap, HashSet},
-    time::Duration,
-};
+use crate::scene::tile::retry_delay;
+use crate::scene::{SceneTree, TileEvent, TileKey};
+use crate::select::priority::TileRequest;
+use std::collections::{HashMap, HashSet};
+use std::time::Duration;
 
 /// Most requests in flight, as a multiple of the initial limit.
 const MAX_LIMIT_FACTOR: usize = 4;
@@ -241,10 +238,8 @@ impl Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::TileState,
-        select::tests::{request, tree},
-    };
+    use crate::scene::TileState;
+    use crate::select::tests::{request, tree};
     use insula_protocol::TileId;
 
     /// All tiles are remote. With groups or without.

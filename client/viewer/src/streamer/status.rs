@@ -1,16 +1,15 @@
 //! The state of a session.
 
-use super::{
-    Streamer,
-    downloads::{Downloads, TileFetcher},
-    error::StreamError,
-    upload_queue::TileCounts,
-};
-use crate::{
-    cache::AtlasCache,
-    scene::{SceneTree, TileKey},
-    select::{Selection, occlusion_feedback::OcclusionFeedback, priority::PriorityGroup, transitions::Transitions},
-};
+use super::Streamer;
+use super::downloads::{Downloads, TileFetcher};
+use super::error::StreamError;
+use super::upload_queue::TileCounts;
+use crate::cache::AtlasCache;
+use crate::scene::{SceneTree, TileKey};
+use crate::select::Selection;
+use crate::select::occlusion_feedback::OcclusionFeedback;
+use crate::select::priority::PriorityGroup;
+use crate::select::transitions::Transitions;
 use insula_protocol::{TileId, TileKind};
 use std::time::Duration;
 

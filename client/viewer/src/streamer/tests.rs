@@ -3,14 +3,10 @@
 mod deep_city;
 
 use super::*;
-use crate::{
-    scene::TileState,
-    select::{
-        priority::TileRequest,
-        tests::{load, tree, tree_of_one_leaf, view},
-    },
-    source::FetchError,
-};
+use crate::scene::TileState;
+use crate::select::priority::TileRequest;
+use crate::select::tests::{load, tree, tree_of_one_leaf, view};
+use crate::source::FetchError;
 use insula_protocol::TileId;
 
 /// Never responds, or always with an error.

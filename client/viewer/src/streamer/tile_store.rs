@@ -1,15 +1,11 @@
 //! The tiles of a session: the scene tree, the cache, and decoded tiles on their way to them.
 
-use super::{
-    downloads::{Downloads, TileFetcher},
-    pending_subtrees::PendingSubtrees,
-    upload_queue::{TileCounts, UploadQueue, UploadTarget},
-};
-use crate::{
-    cache::{AtlasCache, PAGE_BYTES, Upload},
-    decode::DecodedTile,
-    scene::{SceneTree, TileKey},
-};
+use super::downloads::{Downloads, TileFetcher};
+use super::pending_subtrees::PendingSubtrees;
+use super::upload_queue::{TileCounts, UploadQueue, UploadTarget};
+use crate::cache::{AtlasCache, PAGE_BYTES, Upload};
+use crate::decode::DecodedTile;
+use crate::scene::{SceneTree, TileKey};
 use std::time::Duration;
 
 /// Share of the cache that prefetching leaves free.

@@ -3,16 +3,12 @@
 //! The queue is bounded: arrivals are taken in only while [`UploadQueue::has_room`]. A frame uploads only as many bytes as it has
 //! time for.
 
-use crate::{
-    cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload},
-    scene::{SceneTree, TileEvent, TileKey},
-};
+use crate::cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload};
+use crate::scene::{SceneTree, TileEvent, TileKey};
 use serde::Serialize;
-use std::{
-    collections::{HashSet, VecDeque},
-    ops::Range,
-    time::Duration,
-};
+use std::collections::{HashSet, VecDeque};
+use std::ops::Range;
+use std::time::Duration;
 
 /// Bandwidth of uploads.
 const UPLOAD_BYTES_PER_SEC: f64 = 512e6;

@@ -1,11 +1,9 @@
 //! Warnings and errors of the crates go to the browser's console: errors of WebGPU are silent otherwise.
 
 use std::fmt::Write;
-use tracing::{
-    Event, Level, Metadata, Subscriber,
-    field::{Field, Visit},
-    span::{Attributes, Id, Record},
-};
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Level, Metadata, Subscriber};
 use wasm_bindgen::prelude::*;
 
 #[wasm_bindgen]

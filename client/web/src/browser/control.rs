@@ -1,18 +1,15 @@
 //! Carries out the page's commands.
 
-use super::{
-    commands::{Command, MeasureCommand},
-    navigation::CameraFlight,
-    viewer::{CityViewer, clamped_size, clamped_tau, to_js},
-};
+use super::commands::{Command, MeasureCommand};
+use super::navigation::CameraFlight;
+use super::viewer::{CityViewer, clamped_size, clamped_tau, to_js};
 use glam::DVec3;
-use insula_shaders::{layout::Shading, look::Look};
-use insula_viewer::{
-    camera::Camera,
-    camera_text,
-    sun::parse_time,
-    switching::{SwitchDistances, SwitchVolume},
-};
+use insula_shaders::layout::Shading;
+use insula_shaders::look::Look;
+use insula_viewer::camera::Camera;
+use insula_viewer::camera_text;
+use insula_viewer::sun::parse_time;
+use insula_viewer::switching::{SwitchDistances, SwitchVolume};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
 

@@ -1,7 +1,8 @@
 //! Decodes tiles in a worker.
 
 use insula_protocol::TileId;
-use insula_viewer::{scene::TileKey, transfer};
+use insula_viewer::scene::TileKey;
+use insula_viewer::transfer;
 use wasm_bindgen::prelude::*;
 
 /// Decodes a V-BlockMap (kind 0) or a mesh (kind 2) for the viewer of another worker. Fails with the reason.

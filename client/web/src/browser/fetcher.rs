@@ -1,24 +1,21 @@
 //! Fetches tiles, and has other workers decode them.
 
-use super::{decoder::key_numbers, host::Host};
+use super::decoder::key_numbers;
+use super::host::Host;
 use bytes::Bytes;
 use futures_util::future::{AbortHandle, abortable};
 use insula_protocol::{DecodeError, TileGroup, TileKind};
-use insula_viewer::{
-    decode::{DecodedTile, decode},
-    scene::TileKey,
-    source::FetchError,
-    source::{TileSource, group_request::GroupRequest},
-    streamer::{FetchOutcome, TileFetcher},
-    transfer,
-};
+use insula_viewer::decode::{DecodedTile, decode};
+use insula_viewer::scene::TileKey;
+use insula_viewer::source::group_request::GroupRequest;
+use insula_viewer::source::{FetchError, TileSource};
+use insula_viewer::streamer::{FetchOutcome, TileFetcher};
+use insula_viewer::transfer;
 use js_sys::Uint8Array;
-use std::{
-    cell::RefCell,
-    collections::{HashMap, VecDeque},
-    rc::Rc,
-    sync::Arc,
-};
+use std::cell::RefCell;
+use std::collections::{HashMap, VecDeque};
+use std::rc::Rc;
+use std::sync::Arc;
 use wasm_bindgen::JsCast;
 use wasm_bindgen_futures::{JsFuture, spawn_local};
 use web_time::Instant;

@@ -1,14 +1,15 @@
 //! What draws frames in the browser, and a frame that is being drawn.
 
-use super::{gpu_canvas::GpuCanvas, page_writes::PageWrites};
-use insula_shaders::{
-    cpu::render::RenderedRows,
-    layout::{SUMMARY_WORDS, Shading},
-};
-use insula_viewer::{
-    cache::Upload, camera::Camera, frame::FrameData, interaction::frame_pacing::FrameDetail, sun::Daylight,
-    switching::SwitchDistances,
-};
+use super::gpu_canvas::GpuCanvas;
+use super::page_writes::PageWrites;
+use insula_shaders::cpu::render::RenderedRows;
+use insula_shaders::layout::{SUMMARY_WORDS, Shading};
+use insula_viewer::cache::Upload;
+use insula_viewer::camera::Camera;
+use insula_viewer::frame::FrameData;
+use insula_viewer::interaction::frame_pacing::FrameDetail;
+use insula_viewer::sun::Daylight;
+use insula_viewer::switching::SwitchDistances;
 use std::time::Duration;
 
 /// Writes that are kept for a GPU: 64 MiB. With more, the GPU gets its tiles again, from the browser's cache.

@@ -3,18 +3,14 @@
 //! The engine calls [`CityViewer::update`], carries out the step that it returns, reports it, and calls it again when the step says
 //! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
 
-use super::{
-    frame_job::{DrawnView, FrameJob, Renderer},
-    messages::Step,
-    row_renderer::frame_words,
-    viewer::{CityViewer, clamped_size, json},
-};
+use super::frame_job::{DrawnView, FrameJob, Renderer};
+use super::messages::Step;
+use super::row_renderer::frame_words;
+use super::viewer::{CityViewer, clamped_size, json};
 use insula_shaders::cpu::hit_counts::hit_counts;
-use insula_viewer::{
-    collision::CitySolids,
-    frame::{FrameData, STILL_SAMPLES},
-    interaction::frame_pacing::{FrameDetail, FrameTime},
-};
+use insula_viewer::collision::CitySolids;
+use insula_viewer::frame::{FrameData, STILL_SAMPLES};
+use insula_viewer::interaction::frame_pacing::{FrameDetail, FrameTime};
 use js_sys::Promise;
 use std::time::Duration;
 use wasm_bindgen::prelude::*;

@@ -1,18 +1,15 @@
 //! The objects of a city for the page: attributes, search, and styles by rules.
 
-use super::{
-    commands::ColorRules,
-    messages::{ColorsMessage, ObjectMessage, SchemaMessage},
-    viewer::{CityViewer, json, to_js},
-};
+use super::commands::ColorRules;
+use super::messages::{ColorsMessage, ObjectMessage, SchemaMessage};
+use super::viewer::{CityViewer, json, to_js};
 use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
-use insula_viewer::{
-    objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects},
-    source::{TileSource, WITHOUT_OBJECTS},
-};
+use insula_viewer::objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects};
+use insula_viewer::source::{TileSource, WITHOUT_OBJECTS};
 use js_sys::{JSON, Promise, Reflect};
-use std::{rc::Rc, sync::Arc};
+use std::rc::Rc;
+use std::sync::Arc;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 

@@ -1,21 +1,18 @@
 //! What the page shows over a frame: positions of markers and lines, the measured figure, the state of streaming.
 
-use super::{
-    fetcher::BrowserFetcher,
-    messages::{FrameMessage, MeasureMessage, StatusMessage},
-    viewer::CityViewer,
-};
+use super::fetcher::BrowserFetcher;
+use super::messages::{FrameMessage, MeasureMessage, StatusMessage};
+use super::viewer::CityViewer;
 use glam::{DVec2, DVec3};
 use insula_shaders::layout::Shading;
-use insula_viewer::{
-    camera::View,
-    camera_text,
-    interaction::{camera_control::ControlMode, measure::MeasureKind},
-    node_boxes::box_edges,
-    projection::{project, project_line},
-    source::REPLACED,
-    streamer::{StreamStatus, Streamer},
-};
+use insula_viewer::camera::View;
+use insula_viewer::camera_text;
+use insula_viewer::interaction::camera_control::ControlMode;
+use insula_viewer::interaction::measure::MeasureKind;
+use insula_viewer::node_boxes::box_edges;
+use insula_viewer::projection::{project, project_line};
+use insula_viewer::source::REPLACED;
+use insula_viewer::streamer::{StreamStatus, Streamer};
 use std::time::Duration;
 
 /// Points nearer to a surface than this share of their distance are visible.

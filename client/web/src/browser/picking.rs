@@ -1,6 +1,8 @@
 //! Which object a pixel shows: one ray is cast, on the device that draws.
 
-use super::{frame_job::Renderer, row_renderer::frame_words, viewer::CityViewer};
+use super::frame_job::Renderer;
+use super::row_renderer::frame_words;
+use super::viewer::CityViewer;
 use insula_shaders::layout::Shading;
 use insula_viewer::frame::{FrameData, RenderSettings};
 use js_sys::Promise;

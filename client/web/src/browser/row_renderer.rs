@@ -2,11 +2,11 @@
 
 use super::page_writes;
 use bytemuck::{Pod, Zeroable};
-use insula_shaders::{
-    cpu::render::render_row,
-    layout::{DrawNode, FrameUniform},
-};
-use insula_viewer::{cache::pages_for, frame::FrameData, render::CpuAdapter};
+use insula_shaders::cpu::render::render_row;
+use insula_shaders::layout::{DrawNode, FrameUniform};
+use insula_viewer::cache::pages_for;
+use insula_viewer::frame::FrameData;
+use insula_viewer::render::CpuAdapter;
 use wasm_bindgen::prelude::*;
 
 /// The CPU ray-caster of one worker.

@@ -3,11 +3,10 @@
 use super::host::{Host, Response};
 use bytes::Bytes;
 use insula_protocol::DecodeError;
-use insula_viewer::{
-    source::FetchError,
-    source::{BoxFuture, ContentRange, RangeResponse, Transport},
-};
-use std::{cell::Cell, ops::Range, time::Duration};
+use insula_viewer::source::{BoxFuture, ContentRange, FetchError, RangeResponse, Transport};
+use std::cell::Cell;
+use std::ops::Range;
+use std::time::Duration;
 use wasm_bindgen::JsCast;
 use wasm_bindgen_futures::JsFuture;
 

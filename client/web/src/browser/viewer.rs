@@ -1,37 +1,36 @@
 //! The viewer that the engine's worker owns.
 
-use super::{
-    commands::ViewerOptions,
-    fetcher::BrowserFetcher,
-    frame_job::{DrawnView, FrameJob, Renderer},
-    gpu_canvas::GpuCanvas,
-    host::Host,
-    messages::StatusMessage,
-    navigation::CameraFlight,
-    page_writes,
-    transport::BrowserTransport,
-};
+use super::commands::ViewerOptions;
+use super::fetcher::BrowserFetcher;
+use super::frame_job::{DrawnView, FrameJob, Renderer};
+use super::gpu_canvas::GpuCanvas;
+use super::host::Host;
+use super::messages::StatusMessage;
+use super::navigation::CameraFlight;
+use super::page_writes;
+use super::transport::BrowserTransport;
 use glam::DVec3;
 use insula_archive::city::parse_manifest;
 use insula_protocol::Manifest;
 use insula_shaders::layout::Shading;
-use insula_viewer::{
-    additions::{AdditionError, PackedAddition},
-    cache::pages_for,
-    camera::{Camera, View},
-    camera_text,
-    collision::CitySolids,
-    interaction::{
-        camera_control::CameraControl, day_animation::DayAnimation, frame_pacing::FramePacer, measure::MeasureTool,
-    },
-    projection::ray_direction,
-    scene::SceneTree,
-    source::{TileSource, Transport, server::ServerSource, web_folder},
-    streamer::{Downloads, FrameRequest, Streamer},
-    sun::{Daylight, SunOptions, parse_time},
-    switching::SwitchDistances,
-};
-use std::{collections::BTreeMap, sync::Arc};
+use insula_viewer::additions::{AdditionError, PackedAddition};
+use insula_viewer::cache::pages_for;
+use insula_viewer::camera::{Camera, View};
+use insula_viewer::camera_text;
+use insula_viewer::collision::CitySolids;
+use insula_viewer::interaction::camera_control::CameraControl;
+use insula_viewer::interaction::day_animation::DayAnimation;
+use insula_viewer::interaction::frame_pacing::FramePacer;
+use insula_viewer::interaction::measure::MeasureTool;
+use insula_viewer::projection::ray_direction;
+use insula_viewer::scene::SceneTree;
+use insula_viewer::source::server::ServerSource;
+use insula_viewer::source::{TileSource, Transport, web_folder};
+use insula_viewer::streamer::{Downloads, FrameRequest, Streamer};
+use insula_viewer::sun::{Daylight, SunOptions, parse_time};
+use insula_viewer::switching::SwitchDistances;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use wasm_bindgen::prelude::*;
 use web_sys::OffscreenCanvas;
 use web_time::Instant;

@@ -2,14 +2,10 @@
 
 use super::*;
 use futures_util::future::join_all;
-use std::{
-    path::Path,
-    sync::{
-        Mutex,
-        atomic::{AtomicU64, Ordering},
-    },
-    time::Duration,
-};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 /// 1,000 bytes, the remainders of their positions by 251.
 #[derive(Debug, Default)]

@@ -1,10 +1,8 @@
 //! Folders of cities, which people take for a city.
 
 use super::MANIFEST_FILE;
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// At most so many entries of a folder are looked at.
 const MAX_ENTRIES: usize = 10_000;

@@ -1,22 +1,17 @@
 //! City folders, whole and damaged.
 
 use super::*;
-use crate::{
-    LazyArchive, RangeSource,
-    file_source::FileSource,
-    mark::mark_file,
-    test_support::{MemorySource, archive, id},
-};
+use crate::file_source::FileSource;
+use crate::mark::mark_file;
+use crate::test_support::{MemorySource, archive, id};
+use crate::{LazyArchive, RangeSource};
 use futures_util::FutureExt;
-use insula_protocol::{
-    manifest::{self, CityMarks},
-    tile::TileWriter,
-};
-use std::{
-    fs,
-    path::Path,
-    sync::{Arc, atomic::Ordering},
-};
+use insula_protocol::manifest::{self, CityMarks};
+use insula_protocol::tile::TileWriter;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 fn manifest() -> Manifest {
     Manifest {

@@ -1,15 +1,17 @@
 //! The version of a city, recomputed from its files.
 
 use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE};
-use crate::{Archive, directory::HEADER_BYTES, file::open_regular, limits::MAX_OPENING_TIME, mark::MARK_AT};
+use crate::Archive;
+use crate::directory::HEADER_BYTES;
+use crate::file::open_regular;
+use crate::limits::MAX_OPENING_TIME;
+use crate::mark::MARK_AT;
 use insula_protocol::TileKind;
-use std::{
-    fs::File,
-    io::{self, BufReader, Read, Seek, SeekFrom},
-    ops::Range,
-    path::Path,
-    time::Instant,
-};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::path::Path;
+use std::time::Instant;
 
 /// Bytes of a tile's hash.
 const TILE_HASH_BYTES: usize = 16;

@@ -1,16 +1,12 @@
 //! Headers and directories, whole, damaged and hostile.
 
 use super::*;
-use crate::{
-    Archive, ReadError,
-    test_support::{MemorySource, RawEntry, archive, archive_with_leaves, directory, gzip, id, raw_archive},
-};
+use crate::test_support::{MemorySource, RawEntry, archive, archive_with_leaves, directory, gzip, id, raw_archive};
+use crate::{Archive, ReadError};
 use futures_util::FutureExt;
-use std::{
-    io::Write,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::io::Write;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 fn load(file: Vec<u8>) -> Result<Archive, ArchiveError> {
     Archive::load(Arc::new(MemorySource::local(file)), None).now_or_never().unwrap()

@@ -1,10 +1,8 @@
 //! Archives whose directories are fetched as needed: what is read, and how often.
 
 use super::*;
-use crate::{
-    ReadError,
-    test_support::{MemorySource, archive, archive_with_leaves, directory, id, raw_archive},
-};
+use crate::ReadError;
+use crate::test_support::{MemorySource, archive, archive_with_leaves, directory, id, raw_archive};
 use futures_util::future::join_all;
 use std::sync::atomic::Ordering;
 

@@ -1,16 +1,13 @@
 //! Columns of a block: the values of one attribute, in the order of the rows that have it.
 
-use super::{
-    floats,
-    numbers::{self, History},
-    rows::RowSet,
-    text_list::{self, Context, TextBudget, TextList},
-};
+use super::floats;
+use super::numbers::{self, History};
+use super::rows::RowSet;
+use super::text_list::{self, Context, TextBudget, TextList};
 use crate::value::{ValueRef, ValueType};
-use insula_protocol::{
-    DecodeError,
-    codec::{byte_reader::ByteReader, varint::push64},
-};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
+use insula_protocol::codec::varint::push64;
 use std::collections::BTreeMap;
 
 /// Codings of texts: a text for each row, or distinct texts and the index of each row's.

@@ -1,18 +1,16 @@
 //! Decoding of a block. Every count and length is checked before memory is taken for it.
 
-use super::{
-    BLOCK_OBJECTS, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, VERSION,
-    columns::{self, AttributeColumn},
-    encode::{first_id, limit},
-    numbers::{self, History},
-    rows::{RowSet, RowSets},
-    text_list::{self, Context, TextBudget},
-};
-use crate::{kind::FeatureKind, schema::Schema};
-use insula_protocol::{
-    DecodeError,
-    codec::{byte_reader::ByteReader, checksum, zstd},
-};
+use super::columns::{self, AttributeColumn};
+use super::encode::{first_id, limit};
+use super::numbers::{self, History};
+use super::rows::{RowSet, RowSets};
+use super::text_list::{self, Context, TextBudget};
+use super::{BLOCK_OBJECTS, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, VERSION};
+use crate::kind::FeatureKind;
+use crate::schema::Schema;
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
+use insula_protocol::codec::{checksum, zstd};
 
 impl ObjectBlock {
     /// Decodes block `block` of a city with this schema. Fails on any bytes that are not that block.

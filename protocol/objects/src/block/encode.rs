@@ -1,20 +1,17 @@
 //! Encoding of a block.
 
+use super::numbers::{self, History};
+use super::rows::{RowSet, RowSets};
+use super::text_list::{self, Context, TextList};
 use super::{
     BLOCK_OBJECTS, HEADER_BYTES, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, ObjectRecord, VERSION, columns,
-    numbers::{self, History},
-    rows::{RowSet, RowSets},
-    text_list::{self, Context, TextList},
 };
-use crate::{
-    kind::FeatureKind,
-    schema::Schema,
-    value::{MAX_TEXT_BYTES, ValueRef},
-};
-use insula_protocol::{
-    DecodeError,
-    codec::{checksum, varint::push64, zstd},
-};
+use crate::kind::FeatureKind;
+use crate::schema::Schema;
+use crate::value::{MAX_TEXT_BYTES, ValueRef};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::varint::push64;
+use insula_protocol::codec::{checksum, zstd};
 use std::collections::BTreeMap;
 
 /// Encodes the objects of ids from `block * BLOCK_OBJECTS`, `None` where an id is not in use. Equal input gives equal bytes.

@@ -4,11 +4,10 @@
 //! the right one, because a program wrote or read too few digits. So a column has the integers of the nearest values of such a
 //! kind, and corrections in steps from one f64 to the next.
 
-use super::{
-    cost::Cost,
-    numbers::{self, History},
-};
-use insula_protocol::{DecodeError, codec::byte_reader::ByteReader};
+use super::cost::Cost;
+use super::numbers::{self, History};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
 
 /// Maximum digits after the point of decimal numbers.
 const MAX_DECIMALS: u8 = 6;

@@ -23,13 +23,10 @@ mod numbers;
 mod rows;
 mod text_list;
 
-pub use encode::encode;
-
-use crate::{
-    kind::FeatureKind,
-    value::{Value, ValueRef},
-};
+use crate::kind::FeatureKind;
+use crate::value::{Value, ValueRef};
 use columns::AttributeColumn;
+pub use encode::encode;
 use text_list::TextList;
 
 /// Number of ids of a block. Object `id` is in block `id / BLOCK_OBJECTS`.

@@ -4,17 +4,11 @@
 //! of the others above it, and these as bits, or as byte planes (all low bytes, then all second bytes, ...), which zstd compresses
 //! better if values repeat.
 
-use super::{
-    BLOCK_OBJECTS,
-    cost::{self, Cost, bits},
-};
-use insula_protocol::{
-    DecodeError,
-    codec::{
-        byte_reader::ByteReader,
-        varint::{push64, unzigzag64, zigzag64},
-    },
-};
+use super::BLOCK_OBJECTS;
+use super::cost::{self, Cost, bits};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
+use insula_protocol::codec::varint::{push64, unzigzag64, zigzag64};
 use std::collections::{BTreeSet, VecDeque};
 
 /// Number of earlier columns to which a column can refer.

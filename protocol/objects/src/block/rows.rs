@@ -1,7 +1,8 @@
 //! Sets of rows of a block.
 
 use super::BLOCK_OBJECTS;
-use insula_protocol::{DecodeError, codec::byte_reader::ByteReader};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
 
 const WORDS: usize = BLOCK_OBJECTS / 64;
 

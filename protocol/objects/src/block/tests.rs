@@ -2,12 +2,11 @@
 
 use super::*;
 use crate::schema::{Schema, SchemaBuilder};
-use insula_protocol::{
-    DecodeError,
-    codec::{checksum, zstd},
-};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::{checksum, zstd};
 use insula_test_support::tier;
-use proptest::{collection, option, prelude::*};
+use proptest::prelude::*;
+use proptest::{collection, option};
 
 /// A schema with an attribute of each type, named like it.
 fn schema() -> Schema {

@@ -3,15 +3,12 @@
 //! Three codings, of which the encoder takes the smallest: the part that differs from the text before; the numbers in texts of
 //! equal pattern, such as `NL.IMBAG.Pand.0503100000012869` or `2010-10-13T12:43:04Z`; or the identifiers of the same rows.
 
-use super::{
-    BLOCK_OBJECTS, cost,
-    numbers::{self, Coded, History},
-};
+use super::numbers::{self, Coded, History};
+use super::{BLOCK_OBJECTS, cost};
 use crate::value::MAX_TEXT_BYTES;
-use insula_protocol::{
-    DecodeError,
-    codec::{byte_reader::ByteReader, varint::push64},
-};
+use insula_protocol::DecodeError;
+use insula_protocol::codec::byte_reader::ByteReader;
+use insula_protocol::codec::varint::push64;
 use std::collections::BTreeMap;
 
 /// Maximum bytes of all decoded texts of a block.

@@ -1,7 +1,8 @@
 //! The range of heights that colours show, which no schema has.
 
 use super::ColorBy;
-use crate::{block::ObjectBlock, filter::Source};
+use crate::block::ObjectBlock;
+use crate::filter::Source;
 
 /// Blocks whose objects stand for all of a city.
 const SAMPLED_BLOCKS: u32 = 64;

@@ -5,17 +5,14 @@
 mod heights;
 mod palette;
 
-pub use heights::sampled_blocks;
-
-use crate::{
-    block::ObjectBlock,
-    filter::{Source, similar_name},
-    kind::FeatureKind,
-    schema::{AttributeInfo, AttributeLabel, Schema, title_in},
-    suggest,
-    value::{Value, ValueRef, ValueType},
-};
+use crate::block::ObjectBlock;
+use crate::filter::{Source, similar_name};
+use crate::kind::FeatureKind;
+use crate::schema::{AttributeInfo, AttributeLabel, Schema, title_in};
+use crate::suggest;
+use crate::value::{Value, ValueRef, ValueType};
 use colorous::Gradient;
+pub use heights::sampled_blocks;
 use insula_protocol::text::fixed;
 use palette::{ColorPalette, MAX_CLASSES};
 use serde::Serialize;

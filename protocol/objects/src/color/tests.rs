@@ -1,10 +1,8 @@
 //! Legends and the colours of values.
 
 use super::*;
-use crate::{
-    block::{self, ObjectBounds, ObjectRecord},
-    schema::SchemaBuilder,
-};
+use crate::block::{self, ObjectBounds, ObjectRecord};
+use crate::schema::SchemaBuilder;
 use std::collections::BTreeSet;
 
 fn schema() -> Schema {

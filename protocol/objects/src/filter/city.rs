@@ -3,13 +3,13 @@
 //! A part passes if its parent does. Where it lacks a value, it has that of its parent, and a whole has the largest of its parts. Kinds of
 //! which no object passes, such as terrain, are neither: they stay as they are.
 
-use super::{
-    Filter,
-    evaluate::{ObjectInFamily, ObjectRow},
-    parts::{self, PartFacts},
-};
-use crate::{block::ObjectBlock, kind::FeatureKind};
-use insula_protocol::{DecodeError, object_tile::block_of_object};
+use super::Filter;
+use super::evaluate::{ObjectInFamily, ObjectRow};
+use super::parts::{self, PartFacts};
+use crate::block::ObjectBlock;
+use crate::kind::FeatureKind;
+use insula_protocol::DecodeError;
+use insula_protocol::object_tile::block_of_object;
 use roaring::RoaringBitmap;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,10 +1,9 @@
 //! Evaluates a filter for one object.
 
-use super::{Source, parts::PartFacts};
-use crate::{
-    block::ObjectBlock,
-    value::{Value, ValueRef, civil_from_days, parse_date},
-};
+use super::Source;
+use super::parts::PartFacts;
+use crate::block::ObjectBlock;
+use crate::value::{Value, ValueRef, civil_from_days, parse_date};
 use std::cmp::Ordering;
 
 /// The row of an object in a block.

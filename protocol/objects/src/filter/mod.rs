@@ -27,15 +27,12 @@ mod lexer;
 mod parser;
 mod parts;
 
+use crate::block::ObjectBlock;
+use crate::kind::FeatureKind;
+use crate::schema::{FIELD_NAMES, Schema};
+use crate::suggest;
+use crate::value::ValueRef;
 pub use city::{FilterBuilder, FilteredObjects};
-
-use crate::{
-    block::ObjectBlock,
-    kind::FeatureKind,
-    schema::{FIELD_NAMES, Schema},
-    suggest,
-    value::ValueRef,
-};
 use evaluate::{Expression, ObjectInFamily, ObjectRow};
 use parts::PartFacts;
 use roaring::RoaringBitmap;

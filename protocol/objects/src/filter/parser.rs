@@ -1,16 +1,11 @@
 //! Parses a filter and checks its names and types.
 
-use super::{
-    Fault, FilterFault, MAX_DEPTH, Source,
-    evaluate::{Comparison, Expression, Operand},
-    lexer::{Positioned, Token, tokens},
-    similar_name, suggest,
-};
-use crate::{
-    kind::FeatureKind,
-    schema::Schema,
-    value::{Value, ValueType, parse_date},
-};
+use super::evaluate::{Comparison, Expression, Operand};
+use super::lexer::{Positioned, Token, tokens};
+use super::{Fault, FilterFault, MAX_DEPTH, Source, similar_name, suggest};
+use crate::kind::FeatureKind;
+use crate::schema::Schema;
+use crate::value::{Value, ValueType, parse_date};
 
 /// Parses all of a text.
 pub(super) fn parse(text: &str, schema: &Schema) -> Result<Expression, Fault> {

@@ -1,11 +1,9 @@
 //! Values that wholes take from their parts in filters.
 
 use super::Source;
-use crate::{
-    block::{ObjectBlock, ObjectBounds},
-    family::PartValues,
-    value::{Value, ValueRef},
-};
+use crate::block::{ObjectBlock, ObjectBounds};
+use crate::family::PartValues;
+use crate::value::{Value, ValueRef};
 use std::collections::BTreeMap;
 
 /// Numbers, dates and booleans of the parts of one whole, and the box around them. Texts are left out: those of parts that differ are no

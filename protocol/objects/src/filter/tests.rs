@@ -1,11 +1,9 @@
 //! What expressions select, and what fails to parse.
 
 use super::*;
-use crate::{
-    block::{self, ObjectBounds, ObjectRecord},
-    schema::SchemaBuilder,
-    value::{Value, ValueType, parse_date},
-};
+use crate::block::{self, ObjectBounds, ObjectRecord};
+use crate::schema::SchemaBuilder;
+use crate::value::{Value, ValueType, parse_date};
 use insula_test_support::tier;
 use proptest::prelude::*;
 

@@ -3,7 +3,9 @@
 //! Labels change no value and no name: filters, tables and scripts go on with the names of the source.
 
 use super::{FIELD_NAMES, MAX_ATTRIBUTES, MAX_NAME_BYTES, NamedValues, Schema, limit};
-use crate::{attribute_names::Telling, suggest, value::Value};
+use crate::attribute_names::Telling;
+use crate::suggest;
+use crate::value::Value;
 use insula_protocol::DecodeError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

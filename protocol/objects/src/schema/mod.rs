@@ -7,14 +7,13 @@ mod labels;
 mod named_values;
 mod units;
 
+use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
 pub use builder::SchemaBuilder;
+use insula_protocol::DecodeError;
 pub use labels::{
     AttributeLabel, Labels, MAX_LANGUAGES, MAX_TITLE_BYTES, ShownValue, UnusedLabel, is_language, title_in,
 };
 pub use named_values::NamedValues;
-
-use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
-use insula_protocol::DecodeError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -54,10 +54,8 @@ fn readable(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::{
-        schema::{Schema, SchemaBuilder},
-        value::Value,
-    };
+    use crate::schema::{Schema, SchemaBuilder};
+    use crate::value::Value;
 
     fn schema(values: &[(&str, Value)]) -> Schema {
         let mut builder = SchemaBuilder::default();

@@ -3,16 +3,14 @@
 //! Entries come in order, and so do then their words: an entry is a pair of a text and an object, and a word has runs of entries. Each
 //! section is written to a file of its own, because the header, which has their lengths, comes first.
 
-use std::collections::BTreeMap;
-use std::io::{BufWriter, Cursor, Read, Seek, Write};
-
-use serde::{Deserialize, Serialize};
-
 use super::fold::{cut, fold, tokens, weak_string};
 use super::layout::{Section, Sections};
 use super::postings::ListBuilder;
 use super::table::TableBuilder;
 use super::{MAX_ENTRIES, MAX_TEXT_BYTES, SearchError, SearchWriteError};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Cursor, Read, Seek, Write};
 
 /// A text of an object. The order is that of an index.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -3,12 +3,11 @@
 //! Each word gives a clause: the entries in some lists. Entries in all clauses are candidates, whose texts are then compared
 //! with the query. A clause that is left out for its length only leaves more candidates.
 
-use std::ops::Range;
-
 use super::fold::{MAX_TOKEN_BYTES, cut, is_cjk, tokens};
 use super::postings::{EntrySet, read_varint};
 use super::query::{Query, QueryWord};
 use super::words::Words;
+use std::ops::Range;
 
 /// Most clauses that narrow one query. Long words of CJK have one per character.
 const MAX_CLAUSES: usize = 24;

@@ -1,11 +1,5 @@
 //! Opens an index and answers queries.
 
-use std::fmt;
-use std::ops::Range;
-
-use insula_protocol::manifest::CityMarks;
-use serde::{Deserialize, Serialize};
-
 use super::candidates::Candidates;
 use super::fold::{fold, weak_string};
 use super::layout::Layout;
@@ -13,6 +7,10 @@ use super::query::{Query, Rank};
 use super::table::{BLOCK, TableReader};
 use super::words::{self, Words};
 use super::{MAX_HITS, SearchError};
+use insula_protocol::manifest::CityMarks;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::ops::Range;
 
 /// A text that a query found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -17,13 +17,11 @@
 //! | lists | | see `postings` |
 //! | checksum | 4 | CRC-32 of everything before it |
 
-use std::io::{self, Read, Write};
-use std::ops::Range;
-
-use insula_protocol::codec::{checksum, extend_checksum};
-
 use super::table::BLOCK;
 use super::{MAX_ENTRIES, SearchError, SearchWriteError};
+use insula_protocol::codec::{checksum, extend_checksum};
+use std::io::{self, Read, Write};
+use std::ops::Range;
 
 const MAGIC: [u8; 4] = *b"INSX";
 const VERSION: u16 = 1;

@@ -6,10 +6,9 @@
 //! is more, and what exceeds it follows. If the bit between is set, the number of bytes at the end that stay follows; else as
 //! many stay as in the entry before. The order is: removed, new, end. Blocks start with an empty text, of which nothing stays.
 
-use insula_protocol::codec::varint;
-
 use super::MAX_TEXT_BYTES;
 use super::postings::read_varint;
+use insula_protocol::codec::varint;
 
 /// Entries of a block. A multiple of 64, so that a set of entries can be read by blocks.
 pub(super) const BLOCK: u32 = 64;

@@ -1,9 +1,8 @@
 //! Queries of made-up cities, and damaged indexes.
 
+use super::*;
 use insula_test_support::tier;
 use proptest::prelude::*;
-
-use super::*;
 
 const NAMES: [&str; 24] = [
     "Oude Delft 123",

@@ -6,11 +6,9 @@
 //! node first. What it admits cannot make `fst` panic or run in circles: nodes fill the bytes without gaps, sizes are in
 //! range, and each transition leads to the end of a node before it. Keys in wrong order only give wrong results.
 
-use std::ops::Range;
-
-use fst::raw::{Fst, Node};
-
 use super::SearchError;
+use fst::raw::{Fst, Node};
+use std::ops::Range;
 
 /// Bytes before the first node: the version and the type.
 const HEADER: usize = 16;

@@ -1,11 +1,8 @@
 //! Whether a node shows the same as its children: level or evenly inclined ground of one colour and object, such as water and fields.
 //! Then the children are not needed.
 
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, NO_OBJECT, flag},
-    octahedral,
-};
+use insula_protocol::blockmap::{COLUMNS, NO_OBJECT, flag};
+use insula_protocol::{BlockMap, NODE_CELLS, octahedral};
 
 /// Largest distance between the tops of a node and of its children, in cells of a leaf.
 const TOP_LEAF_CELLS: f32 = 0.125;
@@ -83,7 +80,8 @@ fn top_m(map: &BlockMap, column: usize, from_middle_m: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{Texel, TileId, blockmap::MapColumn};
+    use insula_protocol::blockmap::MapColumn;
+    use insula_protocol::{Texel, TileId};
 
     const LEAF_CELL_M: f32 = 1.0;
 

@@ -3,11 +3,8 @@
 //! Coordinates are metres from the root's south-west corner and above the city's height zero. Generated ground is left out.
 
 use glam::{DVec2, DVec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, TileId,
-    blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, MapColumn, STEPS_PER_CELL, strip_rows},
-    octahedral,
-};
+use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, MapColumn, STEPS_PER_CELL, strip_rows};
+use insula_protocol::{BlockMap, NODE_CELLS, TileId, octahedral};
 use std::f64::consts::TAU;
 
 /// Steps of a sequence of points that fill a box evenly: powers of the inverse of 1.167304, the root of x^5 = x + 1 (Roberts 2018,
@@ -337,7 +334,8 @@ fn full_codes(map: &BlockMap, column: &MapColumn) -> Vec<[u16; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{Texel, blockmap::COLUMNS};
+    use insula_protocol::Texel;
+    use insula_protocol::blockmap::COLUMNS;
 
     /// A node with cells of 2 m: a tower of 2 x 2 cells and 40 m, and one cell in the air from 10 to 12 m.
     fn field() -> ColumnField {

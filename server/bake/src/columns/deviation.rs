@@ -3,10 +3,13 @@
 //! Both are measured at some points of either surface. A leaf is compared with the triangles, a parent with points of its leaves
 //! and with its children.
 
-use super::{column_field::ColumnField, voxels::VoxelNode};
+use super::column_field::ColumnField;
+use super::voxels::VoxelNode;
 use crate::scene::{ObjectKind, Scene};
 use glam::{DVec2, DVec3};
-use insula_protocol::{BlockMap, NODE_CELLS, blockmap::voxel_error_m, subtree::NodeDeviation};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::subtree::NodeDeviation;
+use insula_protocol::{BlockMap, NODE_CELLS};
 use insula_simplify::surface::Surface;
 
 /// Share of the measured points that lie within the distance that is selected by, so that 99.9% of all points do.

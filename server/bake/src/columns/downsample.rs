@@ -7,29 +7,23 @@
 //! The children's walls propose the clip planes. Their gaps, exact or as open rows of walls, stay open as long as
 //! they are higher than half a cell.
 
-use crate::{
-    columns::{
-        clip::{CellClip, CornerPlane, WallPlane},
-        fill::{fill_unknown, mean_of_known},
-        merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
-        object_votes::ObjectVotes,
-        srgb::linear_from_srgb,
-        voxels::{SolidRun, ThinShares, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects},
-        wall_fit::{CellObservations, WallPiece},
-    },
-    scene::grid::CityGrid,
+use crate::columns::clip::{CellClip, CornerPlane, WallPlane};
+use crate::columns::fill::{fill_unknown, mean_of_known};
+use crate::columns::merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m};
+use crate::columns::object_votes::ObjectVotes;
+use crate::columns::srgb::linear_from_srgb;
+use crate::columns::voxels::{
+    SolidRun, ThinShares, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects,
 };
+use crate::columns::wall_fit::{CellObservations, WallPiece};
+use crate::scene::grid::CityGrid;
 use glam::{Vec2, Vec3};
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{
-        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, NO_OBJECT, STEPS_PER_CELL, ThinShare,
-        ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex},
-        strip_rows,
-    },
-    octahedral,
-    texel::AO_MAX,
+use insula_protocol::blockmap::ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex};
+use insula_protocol::blockmap::{
+    CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, NO_OBJECT, STEPS_PER_CELL, ThinShare, strip_rows,
 };
+use insula_protocol::texel::AO_MAX;
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId, octahedral};
 
 /// How far, in cells, a grounded column reaches below the lowest top around it.
 const SKIRT: f32 = 0.25;

@@ -7,7 +7,8 @@
 //! Objects spread in the same way: from the same column, else from the nearest neighbour at the same height.
 
 use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode, VoxelOuterTop};
-use insula_protocol::{NODE_CELLS, blockmap::NO_OBJECT};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::NO_OBJECT;
 
 /// Used where no neighbour within [`PASSES`] cells is known.
 const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, is_known: true };

@@ -6,10 +6,8 @@
 //! lines run through the source's surfaces (`sample::solids`), for parents through the children's columns
 //! (`downsample`).
 
-use crate::columns::{
-    clip::CellClip,
-    voxels::{SolidRun, ThinShares},
-};
+use crate::columns::clip::CellClip;
+use crate::columns::voxels::{SolidRun, ThinShares};
 use glam::Vec2;
 
 /// Number of vertical lines along a cell's side.

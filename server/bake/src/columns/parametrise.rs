@@ -5,26 +5,18 @@
 //! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap,
 //! and an exposed column a strip of wall texels, one per cell of height. Other gaps become open texels.
 
-use crate::{
-    columns::{
-        code_gaps::{CodeGap, exact_gap, gaps_between},
-        srgb::srgb_from_linear,
-        voxels::{VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelPlane},
-    },
-    scene::grid::CityGrid,
+use crate::columns::code_gaps::{CodeGap, exact_gap, gaps_between};
+use crate::columns::srgb::srgb_from_linear;
+use crate::columns::voxels::{VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelPlane};
+use crate::scene::grid::CityGrid;
+use insula_protocol::blockmap::ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex};
+use insula_protocol::blockmap::objects::lower_tops;
+use insula_protocol::blockmap::{
+    CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
+    STEPS_PER_CELL, ThinShare, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag, strip_rows,
 };
-use insula_protocol::{
-    BlockMap, DecodeError, NODE_CELLS, Texel,
-    blockmap::{
-        CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
-        STEPS_PER_CELL, ThinShare, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
-        ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
-        objects::lower_tops,
-        strip_rows,
-    },
-    octahedral,
-    texel::AO_MAX,
-};
+use insula_protocol::texel::AO_MAX;
+use insula_protocol::{BlockMap, DecodeError, NODE_CELLS, Texel, octahedral};
 use std::ops::Range;
 
 /// Conversion of metres to the height codes of one node.

@@ -1,9 +1,7 @@
 //! Thin objects of parents. Of a parent's cell they cover less than of its children's, by as much as it is larger: their area stays.
 
-use crate::columns::{
-    merge::MergedColumn,
-    voxels::{SolidRun, ThinShares},
-};
+use crate::columns::merge::MergedColumn;
+use crate::columns::voxels::{SolidRun, ThinShares};
 use glam::Vec2;
 
 /// Heights at which the children are looked at.

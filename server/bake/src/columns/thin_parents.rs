@@ -1,12 +1,11 @@
 //! What is thin in a parent: the thin parts of its children, what of their opaque parts would get lost, and masts that would swell.
 
-use crate::columns::{
-    downsample::{ParentColumns, four_children},
-    merge::MergedColumn,
-    thin::{ThinPart, ThinSource},
-    voxels::LEAST_THIN_RISE,
-};
-use insula_protocol::{NODE_CELLS, blockmap::COLUMNS};
+use crate::columns::downsample::{ParentColumns, four_children};
+use crate::columns::merge::MergedColumn;
+use crate::columns::thin::{ThinPart, ThinSource};
+use crate::columns::voxels::LEAST_THIN_RISE;
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::COLUMNS;
 
 /// A mast that is drawn wider or narrower by more than this share becomes thin, or is moved into one cell.
 const WIDTH_TOLERANCE: f32 = 0.2;

@@ -2,13 +2,9 @@
 //!
 //! `sample` makes them for leaves, `downsample` for parents; `parametrise` encodes them.
 
-use insula_protocol::{
-    TileId,
-    blockmap::{
-        COLUMNS, NO_OBJECT,
-        ground::{VERTEX_COUNT, VERTICES},
-    },
-};
+use insula_protocol::TileId;
+use insula_protocol::blockmap::ground::{VERTEX_COUNT, VERTICES};
+use insula_protocol::blockmap::{COLUMNS, NO_OBJECT};
 
 /// Colour and light of one voxel. The default is not known yet.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

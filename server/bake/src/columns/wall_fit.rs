@@ -5,11 +5,9 @@
 //! walls times their distance from the column's border. The column with the smallest error wins; each plane adds a
 //! small cost, so a clip that improves nothing loses to the whole cell.
 
-use crate::columns::{
-    clip::{CellClip, CornerPlane, PARALLEL_COSINE, WallPlane},
-    merge::{MergedColumn, VerticalLine, merge},
-    voxels::SolidRun,
-};
+use crate::columns::clip::{CellClip, CornerPlane, PARALLEL_COSINE, WallPlane};
+use crate::columns::merge::{MergedColumn, VerticalLine, merge};
+use crate::columns::voxels::SolidRun;
 use glam::Vec2;
 
 /// Parallel wall pieces whose offsets differ by less, in cells, belong to one plane.

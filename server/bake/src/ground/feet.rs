@@ -1,22 +1,14 @@
 //! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
 
+use super::grid::GroundGrid;
+use super::hanging::{self, InAir};
+use super::low_foot::{LOW_WALL_M, LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, MEDIAN_NEIGHBOURS, feet_around, median};
+use crate::error::BakeError;
+use crate::scene::scratch_scene::{ScratchScene, StoredObject};
+use crate::scene::{ObjectKind, SceneTriangle};
+use glam::Vec3;
 use insula_scratch::record_list::RecordCursor;
 use std::collections::{HashMap, HashSet};
-
-use glam::Vec3;
-
-use super::{
-    grid::GroundGrid,
-    hanging::{self, InAir},
-    low_foot::{LOW_WALL_M, LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, MEDIAN_NEIGHBOURS, feet_around, median},
-};
-use crate::{
-    error::BakeError,
-    scene::{
-        ObjectKind, SceneTriangle,
-        scratch_scene::{ScratchScene, StoredObject},
-    },
-};
 
 /// Steepest lower edge, rise over run.
 const MAX_EDGE_SLOPE: f32 = 0.6;

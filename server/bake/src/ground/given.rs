@@ -1,11 +1,10 @@
 //! Heights of given terrain at the vertices of the grid.
 
 use super::grid::GroundGrid;
-use crate::{
-    error::BakeError,
-    sample::rasterise,
-    scene::{ObjectKind, scratch_scene::ScratchScene},
-};
+use crate::error::BakeError;
+use crate::sample::rasterise;
+use crate::scene::ObjectKind;
+use crate::scene::scratch_scene::ScratchScene;
 
 /// Triangles that are steeper, by the z of their unit normal, have no height.
 const MIN_NORMAL_Z: f32 = 0.05;

@@ -1,18 +1,13 @@
 //! Objects above others: decks on piers, roofs on posts, upper parts of buildings, houses over tunnels. Only one of both stands on
 //! the ground: the lower one, unless the feet around tell that it is buried.
 
-use std::collections::{HashMap, HashSet};
-
+use super::grid::GroundGrid;
+use super::low_foot::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, median_around};
+use crate::error::BakeError;
+use crate::scene::scratch_scene::ScratchScene;
+use crate::scene::{ObjectKind, SceneTriangle};
 use glam::{Vec2, Vec3, Vec3Swizzles};
-
-use super::{
-    grid::GroundGrid,
-    low_foot::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, median_around},
-};
-use crate::{
-    error::BakeError,
-    scene::{ObjectKind, SceneTriangle, scratch_scene::ScratchScene},
-};
+use std::collections::{HashMap, HashSet};
 
 /// Least height above the foot of what is below.
 const HANGING_M: f32 = 2.0;
@@ -166,10 +161,10 @@ impl FlatTriangle {
 
 #[cfg(test)]
 mod tests {
-    use crate::{
-        ground::{GroundGrid, HeightSteps, Surface, mesh, standing::height_at},
-        scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle, scratch_scene::ScratchScene},
-    };
+    use crate::ground::standing::height_at;
+    use crate::ground::{GroundGrid, HeightSteps, Surface, mesh};
+    use crate::scene::scratch_scene::ScratchScene;
+    use crate::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
 
     type Cuboid = [[f32; 3]; 2];
 

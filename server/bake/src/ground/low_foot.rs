@@ -1,8 +1,7 @@
 //! The lowest foot of each square of the grid, and medians of those around.
 
-use std::cmp::Ordering;
-
 use super::grid::GroundGrid;
+use std::cmp::Ordering;
 
 /// Triangles whose unit normal has a smaller absolute z are walls.
 pub(super) const MAX_WALL_NORMAL_Z: f32 = 0.35;

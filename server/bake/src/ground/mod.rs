@@ -23,22 +23,15 @@ mod mesh;
 mod standing;
 mod under;
 
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL},
-};
-use insula_read_ground::relax::{Bounds, smooth_field};
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    error::BakeError,
-    scene::{
-        ObjectKind, SceneTriangle,
-        scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial, StoredObject},
-    },
-};
+use crate::error::BakeError;
+use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial, StoredObject};
+use crate::scene::{ObjectKind, SceneTriangle};
 use grid::GroundGrid;
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL};
+use insula_read_ground::relax::{Bounds, smooth_field};
 use mesh::HeightRange;
+use serde::{Deserialize, Serialize};
 
 /// Increased whenever the same city would get another ground.
 pub const ALGORITHM: u32 = 8;

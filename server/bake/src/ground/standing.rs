@@ -1,9 +1,7 @@
 //! Landmarks that stand on generated ground.
 
-use crate::{
-    error::BakeError,
-    scene::scratch_scene::{ObjectPlacement, ScratchScene},
-};
+use crate::error::BakeError;
+use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene};
 
 /// Moves the standing landmarks up or down, so that their lowest points are on the triangles in the middle of their boxes. Fails if the
 /// objects cannot be read.

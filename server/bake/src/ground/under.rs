@@ -1,6 +1,7 @@
 //! Ground beside given terrain, which must not cover its edge, nor lie far below it.
 
-use super::{UNDER_TERRAIN_M, grid::GroundGrid};
+use super::UNDER_TERRAIN_M;
+use super::grid::GroundGrid;
 
 /// Steeper terrain, in metres per metre of a step, is a wall and does not go on.
 const MAX_SLOPE: f64 = 1.0;
@@ -30,10 +31,10 @@ pub(super) fn beside(grid: &GroundGrid, terrain: &[f32]) -> Vec<Option<f32>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        ground::{HeightSteps, Surface, mesh, standing::height_at},
-        scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle, scratch_scene::ScratchScene},
-    };
+    use crate::ground::standing::height_at;
+    use crate::ground::{HeightSteps, Surface, mesh};
+    use crate::scene::scratch_scene::ScratchScene;
+    use crate::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
 
     /// Side of the terrain.
     const SIDE_M: f32 = 100.0;

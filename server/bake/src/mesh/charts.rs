@@ -3,13 +3,13 @@
 //! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in
 //! the source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
 
-use std::{borrow::Cow, collections::BTreeMap};
-
-use glam::{DVec3, Vec2};
-
 use super::materials::{has_pattern, texture_of};
 use crate::scene::Scene;
-use insula_simplify::{disjoint_sets::DisjointSets, model::TriangleModel};
+use glam::{DVec3, Vec2};
+use insula_simplify::disjoint_sets::DisjointSets;
+use insula_simplify::model::TriangleModel;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// A chart is compared with at most this many earlier charts of its material.
 const MAX_MERGE_CANDIDATES: usize = 512;

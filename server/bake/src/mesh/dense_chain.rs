@@ -6,14 +6,11 @@
 //! On a smooth surface, facets and the creases between leaves show long before positions are a pixel off: normals are off by more.
 //! So the stated errors are larger than the measured ones, and a level is used only from further away.
 
-use insula_protocol::{
-    blockmap::voxel_error_m,
-    mesh_tile::{MAX_LODS, archive_id},
-    subtree::MeshLod,
-};
-
 use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, rounded_up_to_8_bits, simplify_on_grid};
 use crate::error::BakeError;
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::mesh_tile::{MAX_LODS, archive_id};
+use insula_protocol::subtree::MeshLod;
 use insula_simplify::simplify::{Goal, largest_distance};
 use insula_simplify::surface::Surface;
 

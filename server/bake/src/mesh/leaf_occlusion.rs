@@ -4,20 +4,16 @@
 //! these. What hides a landmark is itself, in this leaf and in others, and all of the block around it: ground, buildings, other
 //! landmarks.
 
-use std::collections::HashMap;
-
-use insula_occlusion::{OccludedMesh, OcclusionSettings};
-use insula_protocol::{
-    TileId,
-    mesh::{Attribute, AttributeKind},
-    mesh_tile::OCCLUSION_BITS,
-};
-
 use super::leaf_surface::LeafSurface;
 use crate::error::BakeError;
 use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
+use insula_occlusion::{OccludedMesh, OcclusionSettings};
+use insula_protocol::TileId;
+use insula_protocol::mesh::{Attribute, AttributeKind};
+use insula_protocol::mesh_tile::OCCLUSION_BITS;
 use insula_simplify::model::TriangleModel;
+use std::collections::HashMap;
 
 /// Cubes in which a nearest vertex is searched for, from the point's own outwards.
 const MAX_RINGS: i32 = 24;

@@ -7,21 +7,15 @@
 //! The triangles of landmarks are small, so leaves with one get a step of 1/32768. On borders that no landmark crosses their
 //! points are those of the coarser grid, which the neighbours have.
 
-use std::collections::HashMap;
-
-use insula_protocol::{
-    TileId,
-    mesh::{AttributeKind, POSITION_BITS, PositionGrid as PointGrid},
-    mesh_tile::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS},
-};
-
-use super::{
-    materials::{base_colour, texture_of},
-    square_clip::{PolygonVertex, clip_to_square},
-};
+use super::materials::{base_colour, texture_of};
+use super::square_clip::{PolygonVertex, clip_to_square};
 use crate::scene::grid::CityGrid;
 use crate::scene::{Landmark, Scene};
+use insula_protocol::TileId;
+use insula_protocol::mesh::{AttributeKind, POSITION_BITS, PositionGrid as PointGrid};
+use insula_protocol::mesh_tile::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS};
 use insula_simplify::model::{CornerLayer, TriangleModel};
+use std::collections::HashMap;
 
 /// Steps along a leaf's side.
 pub(super) const STEPS: u32 = 4096;

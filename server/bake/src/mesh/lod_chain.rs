@@ -5,24 +5,19 @@
 //! surfaces, because the costs of edge collapses are only means. A level that is hardly smaller than the one before is
 //! left out.
 
-use insula_protocol::{
-    MeshTile, TileId,
-    blockmap::{Quality, voxel_error_m},
-    mesh_tile::{MAX_LODS, archive_id},
-    subtree::MeshLod,
-};
-
-use super::{
-    dense_chain,
-    leaf_occlusion::LeafOcclusion,
-    leaf_surface::LeafSurface,
-    lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid},
-    surface_distance::{TriangleHash, part_half_diagonals},
-    texture_bake::whole_texels_m,
-};
+use super::dense_chain;
+use super::leaf_occlusion::LeafOcclusion;
+use super::leaf_surface::LeafSurface;
+use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid};
+use super::surface_distance::{TriangleHash, part_half_diagonals};
+use super::texture_bake::whole_texels_m;
 use crate::error::BakeError;
 use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
+use insula_protocol::blockmap::{Quality, voxel_error_m};
+use insula_protocol::mesh_tile::{MAX_LODS, archive_id};
+use insula_protocol::subtree::MeshLod;
+use insula_protocol::{MeshTile, TileId};
 use insula_simplify::simplify::Goal;
 
 /// Error allowed in the coarsest level, as a share of the V-BlockMap's error.

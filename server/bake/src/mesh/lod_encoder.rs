@@ -1,25 +1,19 @@
 //! Encodes a level of detail of a leaf, and simplifies one to the next.
 
-use std::collections::HashMap;
-
-use insula_protocol::{
-    DecodeError, MeshTile, TileId,
-    blockmap::{Quality, voxel_error_m},
-    mesh::{Attribute, AttributeKind, Mesh},
-    mesh_tile::MAX_TRIANGLES,
-    subtree::MeshLod,
-};
-
-use super::{
-    leaf_occlusion::LeafOcclusion,
-    leaf_surface::LeafSurface,
-    surface_distance::TriangleHash,
-    texture_bake::{TextureScale, bake_texture},
-};
+use super::leaf_occlusion::LeafOcclusion;
+use super::leaf_surface::LeafSurface;
+use super::surface_distance::TriangleHash;
+use super::texture_bake::{TextureScale, bake_texture};
 use crate::error::BakeError;
 use crate::scene::Scene;
+use insula_protocol::blockmap::{Quality, voxel_error_m};
+use insula_protocol::mesh::{Attribute, AttributeKind, Mesh};
+use insula_protocol::mesh_tile::MAX_TRIANGLES;
+use insula_protocol::subtree::MeshLod;
+use insula_protocol::{DecodeError, MeshTile, TileId};
 use insula_simplify::model::{CornerLayer, TriangleModel};
 use insula_simplify::simplify::{Goal, Simplified, simplify};
+use std::collections::HashMap;
 
 /// A surface that does not fit into a tile is simplified to fewer triangles, down to this number.
 const MIN_TRIANGLES: usize = 1000;

@@ -31,13 +31,11 @@ mod texture_canvas;
 mod texture_encode;
 mod texture_fill;
 
-use insula_protocol::{TileId, blockmap::Quality};
-
-use crate::{
-    error::BakeError,
-    scene::{Scene, grid::CityGrid},
-};
-
+use crate::error::BakeError;
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
+use insula_protocol::TileId;
+use insula_protocol::blockmap::Quality;
 pub(crate) use lod_encoder::EncodedLod;
 
 /// Version of the algorithm. Raised whenever the same scene and settings would give other meshes than before.

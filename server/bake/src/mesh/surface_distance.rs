@@ -2,13 +2,11 @@
 //!
 //! Lengths are in the unit of the models.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
-
 use insula_simplify::disjoint_sets::DisjointSets;
 use insula_simplify::model::TriangleModel;
 use insula_simplify::triangle_distance::squared_distance;
+use std::collections::HashMap;
 
 /// Most intervals between samples along a triangle's side.
 const MAX_INTERVALS: u32 = 6;

@@ -1,17 +1,15 @@
 //! Tests with whole leaves of the bundled city, or of the cities that `INSULA_MESH_CITIES` lists.
 
-use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
-    path::PathBuf,
-    sync::OnceLock,
-};
-
-use glam::DVec3;
-use insula_protocol::{MeshTile, TileId, blockmap::Quality, mesh_tile::MAX_LODS};
-use rayon::prelude::*;
-
 use super::*;
 use crate::read::{ReadOptions, read};
+use glam::DVec3;
+use insula_protocol::blockmap::Quality;
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::{MeshTile, TileId};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// The cities with the meshes of their leaves, baked once for all tests.
 fn cities() -> &'static [(Scene, CityGrid, Leaves)] {

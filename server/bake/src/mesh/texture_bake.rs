@@ -7,22 +7,17 @@
 //! Generated patterns are copied by their own texels, or by means of 2 x 2, 4 x 4 and so on. Equal windows then have equal
 //! texels, of which lossless compression stores one.
 
-use glam::{Vec2, Vec2Swizzles, Vec3};
-use insula_protocol::{
-    blockmap::Quality,
-    mesh::{Attribute, AttributeKind},
-    mesh_tile::TileTexture,
-};
-
-use super::{
-    atlas,
-    charts::{TextureChart, find_charts, fold_patterns, triangle_uv},
-    materials::{base_colour, has_pattern, texture_of},
-    texture_canvas::TextureCanvas,
-};
+use super::atlas;
+use super::charts::{TextureChart, find_charts, fold_patterns, triangle_uv};
+use super::materials::{base_colour, has_pattern, texture_of};
+use super::texture_canvas::TextureCanvas;
 use crate::columns::srgb::linear_from_srgb;
 use crate::sample::texture::read_bilinear;
 use crate::scene::{Scene, SceneTexture};
+use glam::{Vec2, Vec2Swizzles, Vec3};
+use insula_protocol::blockmap::Quality;
+use insula_protocol::mesh::{Attribute, AttributeKind};
+use insula_protocol::mesh_tile::TileTexture;
 use insula_simplify::model::TriangleModel;
 
 /// Texels around each chart that continue its colours.
@@ -290,7 +285,8 @@ mod tests {
     use crate::scene::Material;
     use insula_protocol::mesh_tile::decode_webp;
     use insula_simplify::model::{CornerLayer, TriangleModel};
-    use std::{collections::HashSet, sync::Arc};
+    use std::collections::HashSet;
+    use std::sync::Arc;
 
     /// A checkerboard of 8 x 8 texels of three colours.
     fn pattern() -> SceneTexture {

@@ -1,12 +1,11 @@
 //! A texture while it is drawn: sums of linear light per texel.
 
-use std::sync::LazyLock;
-
+use super::texture_encode::MaskedTexture;
+use super::texture_fill::fill_unknown_texels;
+use crate::columns::srgb::srgb_from_linear;
 use glam::{Vec2, Vec3};
 use insula_protocol::blockmap::Quality;
-
-use super::{texture_encode::MaskedTexture, texture_fill::fill_unknown_texels};
-use crate::columns::srgb::srgb_from_linear;
+use std::sync::LazyLock;
 
 /// Steps of the table that converts linear light to sRGB.
 const SRGB_TABLE_STEPS: usize = 1 << 14;

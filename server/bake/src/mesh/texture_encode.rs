@@ -5,12 +5,9 @@
 //! the ground goes on in the texture of the next node, and the eye sees a border between two tints where the ratio sees
 //! nothing. Textures with few colours or many plain squares are also tried without loss.
 
+use insula_protocol::blockmap::Quality;
+use insula_protocol::mesh_tile::{MAX_PART_BYTES, decode_webp};
 use std::collections::HashSet;
-
-use insula_protocol::{
-    blockmap::Quality,
-    mesh_tile::{MAX_PART_BYTES, decode_webp},
-};
 use webp::{Encoder, WebPConfig};
 
 /// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the

@@ -3,22 +3,17 @@
 //! Objects and materials are renumbered by their first occurrence in the block, so that changes elsewhere in the city
 //! do not change its fingerprint.
 
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
+use crate::scene::block_content::BlockContent;
+use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
+use crate::scene::object_facts::BlockObjectFacts;
+use crate::scene::partition::{LeafBlock, Partition};
+use crate::scene::scratch_scene::ScratchScene;
+use crate::scene::triangle_store::{RECORD_BYTES, to_record};
+use crate::scene::{Landmark, ObjectKind, Scene, SceneObject, SceneTriangle};
 use std::collections::HashMap;
-
-use crate::{
-    config::BakeConfig,
-    error::BakeError,
-    hash::{ShortHash, short_hash},
-    scene::{
-        Landmark, ObjectKind, Scene, SceneObject, SceneTriangle,
-        block_content::BlockContent,
-        grid::{BLOCK_LEAVES, CityGrid},
-        object_facts::BlockObjectFacts,
-        partition::{LeafBlock, Partition},
-        scratch_scene::ScratchScene,
-        triangle_store::{RECORD_BYTES, to_record},
-    },
-};
 
 /// The triangles of a block, with object and material numbers of the block.
 pub(super) struct BlockScene {

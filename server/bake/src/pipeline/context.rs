@@ -1,25 +1,20 @@
 //! What the stages that bake tiles share.
 
-use std::path::Path;
-
-use insula_protocol::{BlockMap, subtree::NodeDeviation};
-
-use crate::{
-    columns::{parametrise::parametrise, voxels::VoxelNode},
-    config::BakeConfig,
-    error::BakeError,
-    progress::Progress,
-    report::{PackCounts, PackOutcome},
-    scene::grid::CityGrid,
-    write::{
-        mesh_pack::StoredMesh,
-        scratch_folder::ResumeStatus,
-        tile_pack::{self, EncodedTile, PackId, StoredTile},
-        tile_tree::{TileTree, round_outward, z_bounds},
-    },
-};
-
 use super::update::PreviousCity;
+use crate::columns::parametrise::parametrise;
+use crate::columns::voxels::VoxelNode;
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::progress::Progress;
+use crate::report::{PackCounts, PackOutcome};
+use crate::scene::grid::CityGrid;
+use crate::write::mesh_pack::StoredMesh;
+use crate::write::scratch_folder::ResumeStatus;
+use crate::write::tile_pack::{self, EncodedTile, PackId, StoredTile};
+use crate::write::tile_tree::{TileTree, round_outward, z_bounds};
+use insula_protocol::BlockMap;
+use insula_protocol::subtree::NodeDeviation;
+use std::path::Path;
 
 /// The input of the stages that bake tiles.
 #[derive(Clone, Copy)]

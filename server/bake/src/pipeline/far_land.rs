@@ -4,19 +4,18 @@
 //! from the elevation models as a leaf is made from triangles, and is not divided further. So land next to the city has
 //! small columns, and land far away large ones.
 
-use std::{collections::HashSet, ops::RangeInclusive, sync::Arc};
-
-use insula_protocol::{NODE_CELLS, TileId};
-
 use super::leaves::encode_leaves;
-use crate::{
-    config::BakeConfig,
-    error::BakeError,
-    read::{FarModels, LandSquare},
-    sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle, grid::CityGrid},
-    write::tile_pack::{EncodedTile, StoredTile},
-};
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::read::{FarModels, LandSquare};
+use crate::sample::SampleSettings;
+use crate::scene::grid::CityGrid;
+use crate::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
+use crate::write::tile_pack::{EncodedTile, StoredTile};
+use insula_protocol::{NODE_CELLS, TileId};
+use std::collections::HashSet;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 /// Columns are not wider.
 pub(super) const MAX_CELL_M: f64 = 64.0;

@@ -4,29 +4,21 @@
 //! Encoding, packs, bounds, archives and manifest are those of every bake. Cities of a million buildings for
 //! measurements are generated in minutes this way.
 
-use std::path::Path;
-
+use super::context::{NodeMeasures, encode_node};
+use super::work_queue::run_bounded;
+use crate::columns::voxels::VoxelNode;
+use crate::config::{BakeConfig, BakeOptions};
+use crate::error::BakeError;
+use crate::progress::Progress;
+use crate::read::ReadReport;
+use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
+use crate::write::city::{self, CityInput, SceneFacts};
+use crate::write::scratch_folder::{InputHashes, ScratchFolder};
+use crate::write::tile_bytes::PackedTiles;
+use crate::write::tile_pack::{self, PackId, PackNodes, StoredTile};
+use crate::write::tile_tree::TileTree;
 use insula_protocol::{BlockMap, Manifest, TileId};
-
-use super::{
-    context::{NodeMeasures, encode_node},
-    work_queue::run_bounded,
-};
-use crate::{
-    columns::voxels::VoxelNode,
-    config::{BakeConfig, BakeOptions},
-    error::BakeError,
-    progress::Progress,
-    read::ReadReport,
-    scene::grid::{BLOCK_LEAVES, CityGrid},
-    write::{
-        city::{self, CityInput, SceneFacts},
-        scratch_folder::{InputHashes, ScratchFolder},
-        tile_bytes::PackedTiles,
-        tile_pack::{self, PackId, PackNodes, StoredTile},
-        tile_tree::TileTree,
-    },
-};
+use std::path::Path;
 
 /// Returns the columns of a node, or `None` for a leaf that does not exist.
 type NodeGenerator<'a> = &'a (dyn Fn(TileId) -> Option<VoxelNode> + Sync);

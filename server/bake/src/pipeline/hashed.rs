@@ -1,26 +1,19 @@
 //! The grid of a city, and its triangles sorted into blocks with the fingerprint of each.
 
-use std::{collections::HashSet, path::Path};
-
+use super::block_scene::{BlockScene, worst_memory_bytes};
+use super::work_queue::{MemoryBudget, run_bounded};
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hex};
+use crate::read::{ALIGNED_LEAVES, FarModels};
+use crate::scene::grid::CityGrid;
+use crate::scene::partition::{BlockSquare, LeafBlock, Partition, PartitionOptions};
+use crate::scene::scratch_budget::ScratchBudget;
+use crate::scene::scratch_scene::ScratchScene;
+use crate::write::tile_pack::PackId;
 use insula_protocol::{NODE_CELLS, TileId};
-
-use super::{
-    block_scene::{BlockScene, worst_memory_bytes},
-    work_queue::{MemoryBudget, run_bounded},
-};
-use crate::{
-    config::BakeConfig,
-    error::BakeError,
-    hash::{ShortHash, short_hex},
-    read::{ALIGNED_LEAVES, FarModels},
-    scene::{
-        grid::CityGrid,
-        partition::{BlockSquare, LeafBlock, Partition, PartitionOptions},
-        scratch_budget::ScratchBudget,
-        scratch_scene::ScratchScene,
-    },
-    write::tile_pack::PackId,
-};
+use std::collections::HashSet;
+use std::path::Path;
 
 /// Memory of a triangle while its block is hashed.
 const HASHED_TRIANGLE_BYTES: usize = 220;

@@ -1,15 +1,8 @@
 //! Bakes blocks of leaves into packs.
 
-use std::cmp::Reverse;
-
-use insula_protocol::{BlockMap, TileId};
-use rayon::{ThreadPool, prelude::*};
-
-use super::{
-    block_scene::{BlockScene, estimate_memory_bytes},
-    context::{FinishedPack, NodeMeasures, TileContext, encode_node},
-    work_queue::{MemoryBudget, run_bounded},
-};
+use super::block_scene::{BlockScene, estimate_memory_bytes};
+use super::context::{FinishedPack, NodeMeasures, TileContext, encode_node};
+use super::work_queue::{MemoryBudget, run_bounded};
 use crate::columns::deviation;
 use crate::columns::voxels::VoxelNode;
 use crate::config::BakeConfig;
@@ -25,7 +18,11 @@ use crate::scene::scratch_scene::ScratchScene;
 use crate::write::mesh_pack::{LeafMesh, StoredMesh};
 use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
 use crate::write::{mesh_pack, tile_pack};
+use insula_protocol::{BlockMap, TileId};
 use insula_source::subject;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use std::cmp::Reverse;
 
 /// The tiles and meshes of a block.
 pub(super) struct BlockTiles {

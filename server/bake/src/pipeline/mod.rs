@@ -14,47 +14,38 @@ mod steps;
 mod update;
 mod work_queue;
 
-use insula_scratch::record_list::RecordList;
-use std::cell::Cell;
-
-use insula_archive::places::KeptFolder;
-use rayon::ThreadPool;
-
-use crate::{
-    config::{BakeConfig, BakeOptions},
-    error::BakeError,
-    ground::{self, GroundOption, GroundReport},
-    kept_work::scratch_folder,
-    progress::Progress,
-    read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions},
-    report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
-    scene::{
-        Scene,
-        grid::CityGrid,
-        object_numbers::{NumberedObject, ObjectNumbers},
-        object_records::ObjectRecords,
-        partition::BlockSquare,
-        scratch_budget::ScratchBudget,
-        scratch_scene::ScratchScene,
-    },
-    write::{
-        city::{self, CityInput, SceneFacts, WrittenCity},
-        objects::NumberedRecords,
-        ownership::{check_inputs, check_place},
-        scratch_folder::{InputHashes, ScratchFolder},
-        tile_bytes::PackedTiles,
-    },
-};
+use crate::config::{BakeConfig, BakeOptions};
+use crate::error::BakeError;
+use crate::ground::{self, GroundOption, GroundReport};
+use crate::kept_work::scratch_folder;
+use crate::progress::Progress;
+use crate::read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions};
+use crate::report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock};
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
+use crate::scene::object_numbers::{NumberedObject, ObjectNumbers};
+use crate::scene::object_records::ObjectRecords;
+use crate::scene::partition::BlockSquare;
+use crate::scene::scratch_budget::ScratchBudget;
+use crate::scene::scratch_scene::ScratchScene;
+use crate::write::city::{self, CityInput, SceneFacts, WrittenCity};
+use crate::write::objects::NumberedRecords;
+use crate::write::ownership::{check_inputs, check_place};
+use crate::write::scratch_folder::{InputHashes, ScratchFolder};
+use crate::write::tile_bytes::PackedTiles;
+use context::{FinishedTiles, TileContext};
+use far_land::FarLand;
 pub use generated::{GeneratedCity, bake_generated};
+use hashed::{HashedInput, HashedPartition};
+use insula_archive::places::KeptFolder;
+use insula_scratch::record_list::RecordList;
+use leaves::LeafBaker;
+use rayon::ThreadPool;
+use std::cell::Cell;
 pub use steps::{
     AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus,
     WorkFolder, WorkStore, abort,
 };
-
-use context::{FinishedTiles, TileContext};
-use far_land::FarLand;
-use hashed::{HashedInput, HashedPartition};
-use leaves::LeafBaker;
 use update::PreviousCity;
 
 /// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its

@@ -1,28 +1,20 @@
 //! Bakes parents from their four children, level by level towards the root.
 
-use insula_protocol::{BlockMap, TileId, subtree::NodeDeviation};
-use rayon::{ThreadPool, prelude::*};
-
-use super::{
-    context::{FinishedPack, NodeMeasures, TileContext, encode_node},
-    far_land::FarLand,
-    update::PreviousCity,
-    work_queue::run_bounded,
-};
-use crate::{
-    columns::{
-        coarser,
-        deviation::{self, FarLeaves},
-        downsample,
-        voxels::VoxelNode,
-    },
-    error::BakeError,
-    report::PackOutcome,
-    write::{
-        tile_pack::{self, EncodedTile, PackNodes, PackReader},
-        tile_tree::TileTree,
-    },
-};
+use super::context::{FinishedPack, NodeMeasures, TileContext, encode_node};
+use super::far_land::FarLand;
+use super::update::PreviousCity;
+use super::work_queue::run_bounded;
+use crate::columns::deviation::{self, FarLeaves};
+use crate::columns::voxels::VoxelNode;
+use crate::columns::{coarser, downsample};
+use crate::error::BakeError;
+use crate::report::PackOutcome;
+use crate::write::tile_pack::{self, EncodedTile, PackNodes, PackReader};
+use crate::write::tile_tree::TileTree;
+use insula_protocol::subtree::NodeDeviation;
+use insula_protocol::{BlockMap, TileId};
+use rayon::ThreadPool;
+use rayon::prelude::*;
 
 /// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores.
 /// Nodes of the land around the city are made from its elevation models. Fails with the first error of a node.

@@ -1,30 +1,25 @@
 //! The city that a bake updates. Unchanged blocks are copied from it.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    path::Path,
-};
-
-use insula_archive::{
-    BakedCity,
-    city::{MANIFEST_FILE, content_version},
-};
-use insula_objects::{block::ObjectBlock, schema::Schema};
-use insula_protocol::{
-    BlockMap, Subtree, TileId, TileKind, mesh_tile,
-    object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID},
-    subtree::{MeshLod, NodeDeviation},
-    tile::TileReader,
-};
-
-use crate::{
-    columns::deviation,
-    config::BakeConfig,
-    hash::ShortHash,
-    mesh::EncodedLod,
-    scene::{object_numbers::IdentityKey, partition::LeafBlock, scratch_scene::hash_of_id},
-    write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, tile_pack::EncodedTile},
-};
+use crate::columns::deviation;
+use crate::config::BakeConfig;
+use crate::hash::ShortHash;
+use crate::mesh::EncodedLod;
+use crate::scene::object_numbers::IdentityKey;
+use crate::scene::partition::LeafBlock;
+use crate::scene::scratch_scene::hash_of_id;
+use crate::write::fingerprints::Fingerprints;
+use crate::write::mesh_pack::LeafMesh;
+use crate::write::tile_pack::EncodedTile;
+use insula_archive::BakedCity;
+use insula_archive::city::{MANIFEST_FILE, content_version};
+use insula_objects::block::ObjectBlock;
+use insula_objects::schema::Schema;
+use insula_protocol::object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID};
+use insula_protocol::subtree::{MeshLod, NodeDeviation};
+use insula_protocol::tile::TileReader;
+use insula_protocol::{BlockMap, Subtree, TileId, TileKind, mesh_tile};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 
 /// A city of an earlier bake.
 pub(super) struct PreviousCity {

@@ -4,12 +4,10 @@
 //! Here, a few threads take the items one after the other, as far as their bytes fit a [`MemoryBudget`], and the
 //! parallelism within each item uses the shared Rayon pool.
 
-use std::{
-    ops::Range,
-    panic::resume_unwind,
-    sync::{Condvar, Mutex, PoisonError},
-    thread,
-};
+use std::ops::Range;
+use std::panic::resume_unwind;
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::thread;
 
 /// Runs `work` on every item, at most `in_flight` at once, and returns the results in the order of the items. Every
 /// second thread takes items from the end: in sorted items, few of the heaviest are in flight at once.
@@ -112,10 +110,8 @@ impl Drop for StopOnPanic<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{
-        panic::{AssertUnwindSafe, catch_unwind},
-        sync::atomic::{AtomicUsize, Ordering},
-    };
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn results_keep_the_order_and_items_in_flight_are_limited() {

@@ -1,10 +1,5 @@
 //! Options and shared state of reading.
 
-use insula_place::PlacingOptions;
-use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, ODD_ZEROS, OUTSIDE, PICTURE_ALONE};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
 use super::duplicates::DuplicateOption;
 use super::facade_city::FacadeCity;
 use super::proposal_options::ProposalOptions;
@@ -22,9 +17,11 @@ use insula_dress::map_store::MapStore;
 use insula_dress::paint::PaintShape;
 use insula_dress::palette::{BuildingLook, Palette, SurfaceFacts};
 use insula_dress::polygon::Triangulator;
+use insula_place::PlacingOptions;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement, World};
-use insula_protocol::{blockmap::ground::GROUND_COLOUR, manifest::MAX_STONES};
+use insula_protocol::blockmap::ground::GROUND_COLOUR;
+use insula_protocol::manifest::MAX_STONES;
 use insula_read_ground::elevation::{
     Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions,
     TerrainOptions, TerrainTile,
@@ -33,8 +30,11 @@ use insula_source::address_reader::AddressReader;
 use insula_source::attributes::{Attributes, NamePatterns};
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, FeatureKind, KindFilter};
+use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, ODD_ZEROS, OUTSIDE, PICTURE_ALONE};
 use insula_source::report::{FacadeReport, ReadReport, SourceReport};
 use insula_source::units::HeightUnit;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -8,14 +8,12 @@
 //! which only neighbours are alike, the third stays. Objects, pairs and masks are sorted in scratch files, so
 //! that memory does not follow the size of the city.
 
+use crate::error::BakeError;
+use insula_scratch::record_sorter::SortedRecords;
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::ControlFlow;
-
-use serde::{Deserialize, Serialize};
-
-use crate::error::BakeError;
-use insula_scratch::record_sorter::SortedRecords;
 
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -300,7 +298,8 @@ fn cover(mask: &mut [u64], points: [[f64; 2]; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_scratch::{record_list::RecordScratch, record_sorter::RecordSorter};
+    use insula_scratch::record_list::RecordScratch;
+    use insula_scratch::record_sorter::RecordSorter;
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
         let bounds = PlacedBox { low, high };

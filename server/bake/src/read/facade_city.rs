@@ -1,7 +1,5 @@
 //! The city that is read, as far as generated facades need it.
 
-use std::sync::Arc;
-
 use super::scene_builder::SceneBuilder;
 use super::texture::TextureLoader;
 use crate::scene::SceneTexture;
@@ -9,6 +7,7 @@ use crate::scene::scratch_scene::StoredMaterial;
 use insula_dress::facade::{FacadeMaterials, SIDE_TEXELS};
 use insula_place::placement::World;
 use insula_read_ground::elevation::Elevation;
+use std::sync::Arc;
 
 /// Materials, textures and ground of the city that is read.
 pub(super) struct FacadeCity<'a> {

@@ -1,25 +1,22 @@
 //! The sources among the inputs: files, folders, archives, patterns and lists of them.
 
-use std::collections::{BTreeMap, HashSet};
-use std::fs;
-use std::path::{Component, Path, PathBuf};
-use std::rc::Rc;
-
+use super::bad_inputs::BadInputs;
+use super::context::ReadOptions;
 use insula_archive::places::canonical;
 use insula_protocol::route::without_secrets;
 use insula_protocol::text::count;
-
-use super::bad_inputs::BadInputs;
-use super::context::ReadOptions;
 use insula_source::address_reader::AddressReader;
 use insula_source::archive::{ZipFiles, is_archive};
 use insula_source::bucket::{self, BucketFiles, BucketInput};
 use insula_source::error::InputError;
 use insula_source::files::{FileRoots, FolderFiles};
 use insula_source::input::SourceFiles;
-use insula_source::remote;
 use insula_source::source::{CitySource, kind_by_name, read_file};
-use insula_source::unread_formats;
+use insula_source::{remote, unread_formats};
+use std::collections::{BTreeMap, HashSet};
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 /// Folders in folders beyond this depth are left out.
 const MAX_DEPTH: usize = 24;

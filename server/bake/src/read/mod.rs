@@ -23,37 +23,6 @@ mod tests;
 mod texture;
 mod texture_level;
 
-use std::collections::VecDeque;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-pub use context::{ObjUpAxis, ReadOptions};
-pub use duplicates::DuplicateOption;
-pub use insula_dress::facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
-pub use insula_dress::footprint::{BuildingHeight, GroundPlans, PrismMaterials};
-pub use insula_dress::palette::{Palette, PaletteMode};
-pub use insula_dress::polygon::Triangulator;
-pub use insula_place::PlacingOptions;
-pub use insula_place::earth_place::EarthPlace;
-pub use insula_place::placement::{AxisOrders, AxisRule};
-pub(crate) use insula_read_ground::elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
-pub use insula_read_ground::elevation::{SurroundingsOptions, TerrainOptions};
-pub use insula_source::address_reader::{AddressReader, ListedObject};
-pub use insula_source::attributes::NamePatterns;
-pub use insula_source::error::InputError;
-pub use insula_source::object::{FeatureKind, KindFilter};
-pub use insula_source::report::{
-    AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ProposalReport, ReadReport, SourceFormat,
-    SourceReport,
-};
-pub use insula_source::source::ReadProgress;
-pub use insula_source::units::HeightUnit;
-pub use landmark::cell_of_monument;
-pub use list::named_paths;
-pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
-pub use proposal_options::{AddedContent, AddedInput, ProposalOptions, RemovedObject};
-pub use survey::{InputSurvey, survey};
-
 use crate::error::BakeError;
 use crate::scene::Scene;
 use crate::scene::scratch_budget::ScratchBudget;
@@ -62,19 +31,48 @@ use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use bad_inputs::{BadInputs, TOO_SMALL, nothing_left};
 use context::{ByteProgress, ReadContext};
+pub use context::{ObjUpAxis, ReadOptions};
+pub use duplicates::DuplicateOption;
+pub use insula_dress::facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
+pub use insula_dress::footprint::{BuildingHeight, GroundPlans, PrismMaterials};
 use insula_dress::map_store::MapStore;
+pub use insula_dress::palette::{Palette, PaletteMode};
+pub use insula_dress::polygon::Triangulator;
+pub use insula_place::PlacingOptions;
+pub use insula_place::earth_place::EarthPlace;
+pub use insula_place::placement::{AxisOrders, AxisRule};
 use insula_read_city::{CityJsonForm, read_citygml};
+pub(crate) use insula_read_ground::elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
+pub use insula_read_ground::elevation::{SurroundingsOptions, TerrainOptions};
 use insula_read_map::{osm, vector};
 use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh, read_obj};
 use insula_scratch::record_list::RecordScratch;
+pub use insula_source::address_reader::{AddressReader, ListedObject};
+pub use insula_source::attributes::NamePatterns;
+pub use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
+pub use insula_source::object::{FeatureKind, KindFilter};
 use insula_source::problems::{FEW_CORNERS, INEXACT};
+pub use insula_source::report::{
+    AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ProposalReport, ReadReport, SourceFormat,
+    SourceReport,
+};
+pub use insula_source::source::ReadProgress;
 use insula_source::source::{CitySource, SourceKind, embedded, kind_by_name, open};
+pub use insula_source::units::HeightUnit;
 use insula_source::{subject, unread_formats};
 use json_kind::JsonKind;
+pub use landmark::cell_of_monument;
 use list::SourceList;
+pub use list::named_paths;
+pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
+pub use proposal_options::{AddedContent, AddedInput, ProposalOptions, RemovedObject};
 use sink::SceneSink;
+use std::collections::VecDeque;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+pub use survey::{InputSurvey, survey};
 
 /// Name of the file that describes a folder of terrain tiles.
 const TERRAIN_LAYER: &str = "layer.json";

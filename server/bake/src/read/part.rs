@@ -3,13 +3,6 @@
 //! A part is a run of sources. It has what its sources have ([`PartHead`]), before anything is decided that depends on all sources,
 //! and files of its triangles, records and textures. [`SceneParts`] makes of all parts what reading all sources at once makes.
 
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Write};
-use std::ops::Range;
-use std::path::{Path, PathBuf};
-
-use serde::{Deserialize, Serialize};
-
 use super::bad_inputs::BadInputs;
 use super::context::{ReadContext, ReadOptions};
 use super::list::{self, SourceList};
@@ -32,6 +25,11 @@ use insula_scratch::record_list::RecordScratch;
 use insula_source::error::InputError;
 use insula_source::report::ReadReport;
 use insula_source::source::ReadProgress;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// Name of a part's file of triangles.
 pub(crate) const TRIANGLES: &str = "triangles";

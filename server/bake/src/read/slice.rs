@@ -3,14 +3,13 @@
 //! A sequence of lines becomes runs of lines, each after the header if there is one. FlatGeobuf and GeoParquet are divided by their
 //! readers, by features and row groups. All other formats have to be read from their beginning, and stay whole.
 
-use std::io::{self, BufRead, BufReader, Cursor, Read};
-use std::ops::Range;
-use std::rc::Rc;
-
 use super::json_kind::{self, JsonKind};
 use insula_source::input::{LocalFile, Share, SourceFiles};
 use insula_source::random_file::{RandomFile, RandomReader};
 use insula_source::source::{CitySource, SourceKind, kind_by_name};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::ops::Range;
+use std::rc::Rc;
 
 /// A header that is longer is none: one slice has the whole sequence.
 const MAX_HEADER_BYTES: u64 = 16 << 20;

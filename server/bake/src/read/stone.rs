@@ -1,11 +1,9 @@
 //! The stone of a landmark: its parameters, and the colour that it has from afar.
 
 use glam::Vec3;
-use insula_shaders::{
-    cpu::{shade::encode_srgb, stone::stone_surface},
-    stone::StoneParameters,
-};
-
+use insula_shaders::cpu::shade::encode_srgb;
+use insula_shaders::cpu::stone::stone_surface;
+use insula_shaders::stone::StoneParameters;
 use insula_source::error::InputError;
 
 /// A pixel that covers so much of a stone sees its mean colour.

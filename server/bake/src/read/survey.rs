@@ -1,14 +1,12 @@
 //! What inputs contain, before anyone bakes them.
 
-use std::path::PathBuf;
-
-use serde::Serialize;
-
 use super::{ReadOptions, ReadProgress, ReadReport, ScratchOptions, read_to_disk};
 use crate::error::BakeError;
 use crate::scene::scratch_budget::ScratchBudget;
 use insula_source::error::InputError;
 use insula_source::temporary;
+use serde::Serialize;
+use std::path::PathBuf;
 
 /// Size of the loaded textures together.
 const TEXTURE_CACHE_BYTES: usize = 64 << 20;

@@ -1,14 +1,8 @@
 //! Finds and decodes the images of textures. Each image is tried once and shared.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
-use std::io::{Cursor, ErrorKind};
-use std::sync::Arc;
-
-use image::{ImageReader, Limits};
-
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::{TextureFacts, TextureStore};
+use image::{ImageReader, Limits};
 use insula_dress::alpha_mask::AlphaGrid;
 use insula_source::files::OUTSIDE;
 use insula_source::problems::{
@@ -16,6 +10,10 @@ use insula_source::problems::{
 };
 use insula_source::report::SourceReport;
 use insula_source::source::{CitySource, read_sibling};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::io::{Cursor, ErrorKind};
+use std::sync::Arc;
 
 /// Allowed file size per allowed pixel: enough for any uncompressed image.
 const FILE_BYTES_PER_PIXEL: u64 = 8;

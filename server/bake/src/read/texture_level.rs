@@ -2,13 +2,12 @@
 //!
 //! The sources of one folder are one set: they have one factor, so that neighbouring tiles of a data set still fit.
 
-use glam::{Vec2, Vec3};
-
 use crate::columns::srgb::{linear_from_srgb, srgb_from_linear};
 use crate::error::BakeError;
 use crate::sample::texture::read_bilinear;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::{ObjectKind, SceneTriangle};
+use glam::{Vec2, Vec3};
 
 /// Mean luminance that textures of buildings should have: that of a street of plaster, brick, windows and roofs.
 const TARGET: f64 = 0.25;

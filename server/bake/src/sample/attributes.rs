@@ -4,19 +4,15 @@
 //! A voxel's appearance is the mean of its surfels, weighted by area. A column is reflective if at least half of the
 //! visible area of its top and sides is water or glass. Tops under another run do not count: a bridge over water is matt.
 
-use super::{
-    cell_grid::CellGrid,
-    ground::LocalGround,
-    local_block::{LocalBlock, MIN_TOP_NORMAL_Z},
-    settings::BlockInput,
-    surfels::{SKY_SUBSETS, Surfel},
-    texture::{self, SurfacePatch},
-};
-use crate::columns::{
-    merge::MergedColumn,
-    object_votes::ObjectVotes,
-    voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelObjects},
-};
+use super::cell_grid::CellGrid;
+use super::ground::LocalGround;
+use super::local_block::{LocalBlock, MIN_TOP_NORMAL_Z};
+use super::settings::BlockInput;
+use super::surfels::{SKY_SUBSETS, Surfel};
+use super::texture::{self, SurfacePatch};
+use crate::columns::merge::MergedColumn;
+use crate::columns::object_votes::ObjectVotes;
+use crate::columns::voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelObjects};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;

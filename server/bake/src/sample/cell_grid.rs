@@ -1,10 +1,8 @@
 //! The columns of a block's cells while they are made.
 
-use crate::columns::{
-    clip::{CellClip, WallPlane},
-    merge::{LEAF_GAPS, MergedColumn, close_gaps},
-    voxels::{SolidRun, ThinShares},
-};
+use crate::columns::clip::{CellClip, WallPlane};
+use crate::columns::merge::{LEAF_GAPS, MergedColumn, close_gaps};
+use crate::columns::voxels::{SolidRun, ThinShares};
 use glam::Vec2;
 
 /// Bottom of a run that reaches into the ground. [`CellGrid::new`] replaces it by a height a little below the ground.

@@ -4,10 +4,8 @@
 //! lower side is visible ends it (`solids`). Some sides need no visibility test, because their result follows from the
 //! order of the crossings on their line.
 
-use super::{
-    local_block::{LocalBlock, LocalTriangle},
-    rasterise::rasterise,
-};
+use super::local_block::{LocalBlock, LocalTriangle};
+use super::rasterise::rasterise;
 use crate::columns::merge::LINES_PER_SIDE;
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;

@@ -5,10 +5,8 @@
 //! reaches the floor. Other lines would show the inside of a shell that has no floor of its own. The objects of the surfaces do
 //! not matter: a deck on its piers is the same whether a source has them as one object or as many.
 
-use super::{
-    local_block::{LocalBlock, LocalTriangle},
-    rasterise::rasterise,
-};
+use super::local_block::{LocalBlock, LocalTriangle};
+use super::rasterise::rasterise;
 use glam::{Vec2, Vec3};
 
 /// Most cells around the block whose floor counts. Lines that end under cover further away lead out.

@@ -3,17 +3,13 @@
 //! It takes no part in the sampling of columns, because readers make its columns from these values
 //! (`insula_protocol::blockmap::ground`).
 
-use super::{
-    local_block::{GROUND_MARGIN_CELLS, LocalBlock},
-    rasterise::rasterise,
-    visibility_map::VisibilityMap,
-};
+use super::local_block::{GROUND_MARGIN_CELLS, LocalBlock};
+use super::rasterise::rasterise;
+use super::visibility_map::VisibilityMap;
 use crate::columns::voxels::VoxelGround;
 use glam::{Vec2, Vec3, Vec3Swizzles};
-use insula_protocol::{
-    TileId,
-    blockmap::ground::{SQUARE_CELLS, SQUARES, VERTEX_COUNT, VERTICES, is_rising_diagonal},
-};
+use insula_protocol::TileId;
+use insula_protocol::blockmap::ground::{SQUARE_CELLS, SQUARES, VERTEX_COUNT, VERTICES, is_rising_diagonal};
 
 /// Distance of the points whose sky is measured, in cells.
 const POINT_CELLS: usize = 2;

@@ -40,11 +40,11 @@ mod visibility;
 mod visibility_map;
 mod wall_pieces;
 
-use crate::columns::{fill::fill_unknown, voxels::VoxelNode};
+use crate::columns::fill::fill_unknown;
+use crate::columns::voxels::VoxelNode;
 use floor::Floor;
 use local_block::LocalBlock;
 pub(crate) use rasterise::rasterise;
-
 pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 
 /// Samples the leaves of a block. Leaves without columns are left out. The result does not depend on the number of

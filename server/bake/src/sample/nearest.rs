@@ -15,10 +15,8 @@ pub(super) struct FacingTriangle {
 #[cfg(feature = "gpu")]
 mod device {
     use super::FacingTriangle;
-    use insula_shaders::gpu::{
-        GpuError,
-        nearest::{Nearest, NearestVertex},
-    };
+    use insula_shaders::gpu::GpuError;
+    use insula_shaders::gpu::nearest::{Nearest, NearestVertex};
     use std::sync::OnceLock;
 
     /// The device, which the whole process shares.

@@ -1,7 +1,8 @@
 //! Input and settings of the sampling of a block.
 
 use super::nearest;
-use crate::scene::{Scene, grid::CityGrid};
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
 use insula_protocol::TileId;
 use serde::Serialize;
 

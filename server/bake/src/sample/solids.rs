@@ -4,19 +4,15 @@
 //! below closes it. The lines of a cell are then merged into one column, which may be clipped at the walls that were
 //! seen in the cell (`columns::wall_fit`).
 
-use super::{
-    cell_grid::{CellGrid, GridCell, INTO_GROUND},
-    crossings::{Crossing, Crossings},
-    floor::Floor,
-    local_block::LocalBlock,
-    surfels::Surfel,
-    wall_pieces::CellWalls,
-};
-use crate::columns::{
-    merge::{LEAF_GAPS, LINES_PER_SIDE, VerticalLine, line_position_m},
-    voxels::SolidRun,
-    wall_fit::{CellObservations, WallPiece},
-};
+use super::cell_grid::{CellGrid, GridCell, INTO_GROUND};
+use super::crossings::{Crossing, Crossings};
+use super::floor::Floor;
+use super::local_block::LocalBlock;
+use super::surfels::Surfel;
+use super::wall_pieces::CellWalls;
+use crate::columns::merge::{LEAF_GAPS, LINES_PER_SIDE, VerticalLine, line_position_m};
+use crate::columns::voxels::SolidRun;
+use crate::columns::wall_fit::{CellObservations, WallPiece};
 use glam::Vec2;
 use rayon::prelude::*;
 

@@ -5,12 +5,10 @@
 //! [`SKY_SUBSETS`] subsets. A surfel is tested against one of them only, its neighbours on the triangle against the
 //! others, and the surfels of such a group share the mean of their results ([`share_sky`]).
 
-use super::{
-    crossings::Crossings,
-    floor::Floor,
-    local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
-    rasterise::rasterise,
-};
+use super::crossings::Crossings;
+use super::floor::Floor;
+use super::local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z};
+use super::rasterise::rasterise;
 use glam::Vec3;
 use insula_protocol::{NODE_CELLS, TileId};
 

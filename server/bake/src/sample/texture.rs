@@ -1,9 +1,7 @@
 //! The colour of a piece of surface, and bilinear texture reads.
 
-use crate::{
-    columns::srgb::linear_from_srgb,
-    scene::{Scene, SceneTexture},
-};
+use crate::columns::srgb::linear_from_srgb;
+use crate::scene::{Scene, SceneTexture};
 use glam::{Vec2, Vec3};
 
 /// Most texture reads along a patch's side. A bilinear read covers two texels, so this suffices for 16 texels per side.

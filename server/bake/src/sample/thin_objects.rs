@@ -4,15 +4,15 @@
 //! The shares come from the areas of the surfels in a cell, projected along [`DIRECTIONS`] and from above. They count only where no
 //! opaque column stands around them at their height: the edges of solid bodies stay opaque.
 
-use super::{
-    cell_grid::CellGrid,
-    floor::Floor,
-    local_block::{LocalBlock, LocalTriangle},
-    surfels::Surfel,
-};
+use super::cell_grid::CellGrid;
+use super::floor::Floor;
+use super::local_block::{LocalBlock, LocalTriangle};
+use super::surfels::Surfel;
 use crate::columns::voxels::{LEAST_THIN_RISE, SolidRun, ThinShares};
 use glam::{Vec2, Vec3Swizzles};
-use std::{collections::BTreeMap, f32::consts::TAU, sync::LazyLock};
+use std::collections::BTreeMap;
+use std::f32::consts::TAU;
+use std::sync::LazyLock;
 
 /// Horizontal directions of views, around the circle.
 const DIRECTIONS: usize = 16;

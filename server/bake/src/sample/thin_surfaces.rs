@@ -3,14 +3,13 @@
 //! Visible wall surfels that no column covers are summed per cell and row. A row with enough wall area becomes full,
 //! clipped at the wall's plane. What is no closed wall, such as the posts of a railing, is left to `thin_objects`.
 
-use super::{
-    cell_grid::CellGrid,
-    floor::Floor,
-    local_block::LocalBlock,
-    surfels::Surfel,
-    thin_objects::{ProjectedAreas, is_free},
-};
-use crate::columns::{clip::WallPlane, voxels::SolidRun};
+use super::cell_grid::CellGrid;
+use super::floor::Floor;
+use super::local_block::LocalBlock;
+use super::surfels::Surfel;
+use super::thin_objects::{ProjectedAreas, is_free};
+use crate::columns::clip::WallPlane;
+use crate::columns::voxels::SolidRun;
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use std::collections::{BTreeMap, BTreeSet};
 

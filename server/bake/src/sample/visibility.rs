@@ -10,16 +10,14 @@
 //!
 //! The share of the sky from which a surfel is visible is its ambient occlusion.
 
-use super::{
-    crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT},
-    directions,
-    floor::{Floor, WaysOut},
-    ground::LocalGround,
-    local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
-    settings::SampleSettings,
-    surfels::{SKY_SUBSETS, Surfel},
-    visibility_map::VisibilityMap,
-};
+use super::crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT};
+use super::directions;
+use super::floor::{Floor, WaysOut};
+use super::ground::LocalGround;
+use super::local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z};
+use super::settings::SampleSettings;
+use super::surfels::{SKY_SUBSETS, Surfel};
+use super::visibility_map::VisibilityMap;
 use glam::Vec3;
 
 /// Number of sky directions of the first pass.

@@ -4,12 +4,10 @@
 //! texel. A point is visible unless the planes of the triangles in the four texels around it pass in front of it.
 //! Comparing depths at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
 
-use super::{
-    local_block::{GROUND_MARGIN_CELLS, LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
-    nearest::{self, FacingTriangle},
-    rasterise::rasterise,
-    settings::VisibilityBackend,
-};
+use super::local_block::{GROUND_MARGIN_CELLS, LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z};
+use super::nearest::{self, FacingTriangle};
+use super::rasterise::rasterise;
+use super::settings::VisibilityBackend;
 use glam::{Vec2, Vec3};
 
 /// Side of a texel, in cells.

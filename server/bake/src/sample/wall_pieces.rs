@@ -1,9 +1,7 @@
 //! The visible walls of a block, cut into pieces by cell.
 
-use super::{
-    local_block::{LocalBlock, LocalTriangle},
-    surfels::Surfel,
-};
+use super::local_block::{LocalBlock, LocalTriangle};
+use super::surfels::Surfel;
 use crate::columns::wall_fit::WallPiece;
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use std::cmp::Ordering;

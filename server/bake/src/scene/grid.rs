@@ -1,6 +1,7 @@
 //! Position of nodes, columns and blocks of leaves.
 
-use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
+use insula_protocol::tile_id::MAX_LEVEL;
+use insula_protocol::{NODE_CELLS, TileId};
 use serde::{Deserialize, Serialize};
 
 /// Leaves along a block's side. The leaves of a block share their visibility maps.

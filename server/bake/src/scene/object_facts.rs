@@ -2,18 +2,14 @@
 //!
 //! Each block asks for its own objects, and a city has tens of millions. Records of one length are found without an index.
 
-use std::{
-    fs::File,
-    io::{self, BufWriter, Read, Seek, SeekFrom, Write},
-    path::PathBuf,
-    sync::{Mutex, PoisonError},
-};
-
-use insula_protocol::blockmap::NO_OBJECT;
-
 use super::ObjectKind;
 use crate::error::BakeError;
+use insula_protocol::blockmap::NO_OBJECT;
 use insula_scratch::record_list::RecordScratch;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// Kind, height of the base, number: 9 bytes.
 const RECORD_BYTES: usize = 9;
@@ -162,7 +158,8 @@ fn missing() -> BakeError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_test_support::{folder::TestFolder, rng::Rng};
+    use insula_test_support::folder::TestFolder;
+    use insula_test_support::rng::Rng;
 
     #[test]
     fn objects_are_found_in_any_order_in_memory_and_in_a_file() {

@@ -1,12 +1,9 @@
 //! The objects' identifiers, in memory or in a scratch file. Only reports and messages need them.
 
-use std::{
-    fs::File,
-    io::{self, BufRead, BufReader, BufWriter, Write},
-    path::PathBuf,
-};
-
 use super::triangle_store::TriangleStore;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, BufWriter, Write};
+use std::path::PathBuf;
 
 /// Longer identifiers are cut in messages.
 const MAX_CHARS: usize = 80;

@@ -3,21 +3,15 @@
 //! From the objects of a city, where they stand, and the numbers of the city that is updated come a number for each object with a shape,
 //! and a row for each number. An object without a shape gets a number if it is the parent of one with a number.
 
-use insula_scratch::{
-    record_list::{RecordList, RecordScratch},
-    record_sorter::{RecordSorter, SortedRecords},
-};
-use std::collections::HashMap;
-
-use insula_protocol::blockmap::NO_OBJECT;
-use serde::{Deserialize, Serialize};
-
-use super::{
-    grid::CityGrid,
-    object_records::RecordPlace,
-    scratch_scene::{ObjectIdentity, ScratchScene},
-};
+use super::grid::CityGrid;
+use super::object_records::RecordPlace;
+use super::scratch_scene::{ObjectIdentity, ScratchScene};
 use crate::error::BakeError;
+use insula_protocol::blockmap::NO_OBJECT;
+use insula_scratch::record_list::{RecordList, RecordScratch};
+use insula_scratch::record_sorter::{RecordSorter, SortedRecords};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// What is known of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -284,11 +278,9 @@ fn give_numbers(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{
-        ObjectKind, Scene,
-        object_records::{ObjectRecords, SourceRecord},
-        scratch_scene::StoredObject,
-    };
+    use crate::scene::object_records::{ObjectRecords, SourceRecord};
+    use crate::scene::scratch_scene::StoredObject;
+    use crate::scene::{ObjectKind, Scene};
     use insula_objects::FeatureKind;
 
     /// A city of 8 x 8 leaves of 64 m; objects at places, some with a parent, and a building without a shape.

@@ -1,17 +1,15 @@
 //! What sources say of objects besides their shape: identifier, kind, parent, attributes. In memory or in a scratch file.
 
-use std::{
-    fs::File,
-    io::{BufWriter, Read, Seek, SeekFrom, Write},
-    path::{Path, PathBuf},
-};
-
-use insula_objects::{FeatureKind, value::Value};
+use super::scratch_budget::ScratchBudget;
+use super::triangle_store::TriangleStore;
+use crate::error::BakeError;
+use insula_objects::FeatureKind;
+use insula_objects::value::Value;
 use insula_protocol::codec::bincode;
 use serde::{Deserialize, Serialize};
-
-use super::{scratch_budget::ScratchBudget, triangle_store::TriangleStore};
-use crate::error::BakeError;
+use std::fs::File;
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 
 /// Name of a file of records.
 pub(crate) const FILE_NAME: &str = "records";

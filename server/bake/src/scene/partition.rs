@@ -5,26 +5,18 @@
 //!
 //! The city is read once. Records for a bucket are buffered in memory up to a limit, then appended to its file.
 
-use std::{
-    collections::BTreeMap,
-    fs::{self, File, OpenOptions},
-    io::{self, BufReader, Read, Write},
-    path::{Path, PathBuf},
-};
-
+use crate::error::BakeError;
+use crate::scene::SceneTriangle;
+use crate::scene::block_content::{BlockContent, TriangleExtent, span};
+use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
+use crate::scene::scratch_budget::ScratchBudget;
+use crate::scene::scratch_scene::ScratchScene;
+use crate::scene::triangle_store::{RECORD_BYTES, from_record, to_record};
 use insula_protocol::TileId;
-
-use crate::{
-    error::BakeError,
-    scene::{
-        SceneTriangle,
-        block_content::{BlockContent, TriangleExtent, span},
-        grid::{BLOCK_LEAVES, CityGrid},
-        scratch_budget::ScratchBudget,
-        scratch_scene::ScratchScene,
-        triangle_store::{RECORD_BYTES, from_record, to_record},
-    },
-};
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
 
 const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits of a u64");
 
@@ -311,7 +303,8 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 mod tests {
     use super::*;
     use crate::scene::{Material, ObjectKind, Scene, SceneObject};
-    use insula_test_support::{folder::TestFolder, rng::Rng};
+    use insula_test_support::folder::TestFolder;
+    use insula_test_support::rng::Rng;
 
     fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
         SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }

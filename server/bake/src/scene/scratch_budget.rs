@@ -3,12 +3,9 @@
 //! A small source can ask for any amount: instances of a template, packed images, and triangles that cover thousands of
 //! blocks, each of which gets a copy.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicU64, Ordering},
-};
-
 use crate::error::BakeError;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes of scratch files that may still be written. Clones share them.
 #[derive(Debug, Clone)]

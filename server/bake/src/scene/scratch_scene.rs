@@ -2,23 +2,17 @@
 //!
 //! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps all of them in memory.
 
-use insula_scratch::record_list::RecordList;
-use std::sync::Arc;
-
+use crate::error::BakeError;
+use crate::scene::object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter};
+use crate::scene::object_names::ObjectNames;
+use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
+use crate::scene::texture_store::TextureStore;
+use crate::scene::triangle_store::TriangleStore;
+use crate::scene::{Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle};
 use insula_objects::FeatureKind;
+use insula_scratch::record_list::RecordList;
 use serde::{Deserialize, Serialize};
-
-use crate::{
-    error::BakeError,
-    scene::{
-        Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
-        object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter},
-        object_names::ObjectNames,
-        object_records::{ObjectRecords, RecordPlace, SourceRecord},
-        texture_store::TextureStore,
-        triangle_store::TriangleStore,
-    },
-};
+use std::sync::Arc;
 
 /// Colour of triangles, with the texture by number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -1,20 +1,15 @@
 //! The city's textures by number, in memory or in scratch files with a cache of limited size.
 
-use std::{
-    collections::HashMap,
-    fs,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
-};
-
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
+use crate::scene::SceneTexture;
+use crate::scene::scratch_budget::ScratchBudget;
 use lru::LruCache;
 use serde::{Deserialize, Serialize};
-
-use crate::{
-    error::BakeError,
-    hash::{ShortHash, short_hash},
-    scene::{SceneTexture, scratch_budget::ScratchBudget},
-};
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// New value of each 8-bit value.
 type ToneCurve = [u8; 256];

@@ -3,11 +3,10 @@
 //! A column of half a metre does not show millimetres, and its occlusion is measured by drawing all triangles of the block from
 //! more than a hundred directions.
 
-use std::collections::HashMap;
-
 use super::{Scene, SceneTriangle};
 use insula_simplify::model::TriangleModel;
 use insula_simplify::simplify::{Goal, Simplified, simplify};
+use std::collections::HashMap;
 
 /// A landmark with more triangles is thinned to this number. A statue has a thousand columns at most.
 const MAX_TRIANGLES: usize = 20_000;

@@ -1,15 +1,11 @@
 //! Triangles in the order of reading, in memory or in a scratch file.
 
-use std::{
-    fs::File,
-    io::{self, BufReader, BufWriter, Read, Write},
-    path::{Path, PathBuf},
-};
-
-use crate::{
-    error::BakeError,
-    scene::{SceneTriangle, scratch_budget::ScratchBudget},
-};
+use crate::error::BakeError;
+use crate::scene::SceneTriangle;
+use crate::scene::scratch_budget::ScratchBudget;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
 
 /// Size of a triangle in a scratch file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
 pub(crate) const RECORD_BYTES: usize = 17 * 4;
@@ -210,9 +206,11 @@ impl TrianglePart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{SceneTexture, texture_store::TextureStore};
+    use crate::scene::SceneTexture;
+    use crate::scene::texture_store::TextureStore;
     use insula_test_support::folder::TestFolder;
-    use std::{fs, sync::Arc};
+    use std::fs;
+    use std::sync::Arc;
 
     fn triangle(i: u32) -> SceneTriangle {
         let corners = [[i as f32, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];

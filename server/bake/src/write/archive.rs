@@ -1,22 +1,16 @@
 //! Writes clustered PMTiles archives.
 
-use std::{
-    cell::RefCell,
-    collections::HashSet,
-    fs,
-    io::{self, Read, Seek, SeekFrom, Write},
-    path::Path,
-    rc::Rc,
-};
-
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
 use insula_archive::city::ArchiveDigest;
 use insula_protocol::TileId;
 use pmtiles::{Compression, PmTilesWriter, PmtError, TileCoord, TileType};
-
-use crate::{
-    error::BakeError,
-    hash::{ShortHash, short_hash},
-};
+use std::cell::RefCell;
+use std::collections::HashSet;
+use std::fs;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::rc::Rc;
 
 /// Where a header has the start and the length of the tiles' bytes.
 const DATA_AT: usize = 56;

@@ -1,11 +1,10 @@
 //! Who must be named wherever a city is shown: whom the user names, else what the sources say of themselves, completed by what is known
 //! of publishers.
 
+pub(super) use super::known_sources::is_publisher;
 use super::known_sources::{KnownSource, known_source};
 use crate::read::{ReadReport, SourceReport};
 use insula_protocol::manifest::{Attribution, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, shorten_text};
-
-pub(super) use super::known_sources::is_publisher;
 
 /// The attributions of a city.
 #[derive(Debug, Default, PartialEq)]

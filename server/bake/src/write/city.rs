@@ -5,54 +5,41 @@
 //! `thumbnail.jpg`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
-use std::{
-    collections::HashMap,
-    fs, io,
-    path::Path,
-    sync::{Mutex, PoisonError},
-};
-
-use insula_archive::{
-    city::{SEARCH_FILE, version_of},
-    mark::mark_file,
-};
+use super::archive::{self, WrittenArchive, archive_order};
+use super::attributions::{Attributions, is_publisher};
+use super::files::write_synced;
+use super::fingerprints::Fingerprints;
+use super::focus::{self, Standing};
+use super::location::locate;
+use super::objects::NumberedRecords;
+use super::sea::{self, SeaAndLand};
+use super::tile_bytes::TileContent;
+use super::tile_pack::StoredTile;
+use super::tile_tree::{self, TileTree};
+use super::{search, thumbnail, visibility};
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::ground::GroundReport;
+use crate::hash::ShortHash;
+use crate::progress::Progress;
+use crate::read::{HeightUnit, ReadReport};
+use crate::scene::ObjectKind;
+use crate::scene::grid::CityGrid;
+use crate::scene::scratch_scene::ScratchScene;
+use insula_archive::city::{SEARCH_FILE, version_of};
+use insula_archive::mark::mark_file;
 use insula_objects::Schema;
-use insula_protocol::{
-    NODE_CELLS, TileId, TileKind,
-    manifest::{CityCounts, CityMarks, FORMAT_VERSION, HeightReference, Manifest},
-    mesh_tile,
-    subtree::NodeInfo,
-    text::printable,
-    tile,
-};
+use insula_protocol::manifest::{CityCounts, CityMarks, FORMAT_VERSION, HeightReference, Manifest};
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::text::printable;
+use insula_protocol::{NODE_CELLS, TileId, TileKind, mesh_tile, tile};
 use insula_visibility::CityExtent;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-use super::location::locate;
-use super::{
-    archive::{self, WrittenArchive, archive_order},
-    attributions::{Attributions, is_publisher},
-    files::write_synced,
-    fingerprints::Fingerprints,
-    focus::{self, Standing},
-    objects::NumberedRecords,
-    sea::{self, SeaAndLand},
-    search, thumbnail,
-    tile_bytes::TileContent,
-    tile_pack::StoredTile,
-    tile_tree::{self, TileTree},
-    visibility,
-};
-use crate::{
-    config::BakeConfig,
-    error::BakeError,
-    ground::GroundReport,
-    hash::ShortHash,
-    progress::Progress,
-    read::{HeightUnit, ReadReport},
-    scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
-};
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::{fs, io};
 
 /// Subtrees in memory: each has up to 1365 nodes.
 const SUBTREES_AT_ONCE: usize = 64;

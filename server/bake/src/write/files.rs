@@ -1,12 +1,9 @@
 //! Files that are written under a temporary name and renamed, so that they exist completely or not at all.
 
-use std::{
-    fs,
-    io::{self, Write},
-    path::Path,
-};
-
 use crate::error::BakeError;
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
 
 const HASH_BYTES: usize = blake3::OUT_LEN;
 

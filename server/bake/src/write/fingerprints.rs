@@ -3,13 +3,11 @@
 //! Layout, little-endian: magic, number of blocks (4 bytes each), the manifest's version (16 characters), per block x,
 //! y (4 bytes each) and 16 bytes of hash, a BLAKE3 hash of everything before.
 
-use std::{
-    io::Read,
-    path::{Path, PathBuf},
-};
-
 use super::files::write_synced;
-use crate::{error::BakeError, hash::ShortHash};
+use crate::error::BakeError;
+use crate::hash::ShortHash;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 pub(super) const MAGIC: [u8; 4] = *b"INSF";
 const HEAD_BYTES: usize = 24;

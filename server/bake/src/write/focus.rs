@@ -1,8 +1,7 @@
 //! Which part of a city one sees first: where most of what stands in it is.
 
-use insula_objects::FeatureKind;
-
 use crate::scene::grid::CityGrid;
+use insula_objects::FeatureKind;
 
 /// Boxes of objects are marked in a grid of at most this many levels: 512 cells along a side.
 const MOST_LEVELS: u8 = 9;

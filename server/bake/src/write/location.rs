@@ -3,7 +3,8 @@
 
 use crate::read::projection_of;
 use insula_protocol::manifest::GeoLocation;
-use proj4rs::{Proj, adaptors::transform_vertex_2d};
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
 
 /// Location of the middle of `focus` in a CRS such as `EPSG:7415`. `None` if the CRS is not known, or the place is not in it.
 pub(super) fn locate(crs: &str, focus: [[f64; 2]; 2]) -> Option<GeoLocation> {

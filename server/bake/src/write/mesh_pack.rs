@@ -3,19 +3,15 @@
 //! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4
 //! bytes each), the tiles, a BLAKE3 hash of everything before.
 
-use std::{
-    fs,
-    io::{Read, Seek, SeekFrom},
-    path::{Path, PathBuf},
-};
-
-use insula_protocol::{TileId, subtree::MeshLod};
-
-use super::{
-    files::{read_hashed, write_hashed},
-    tile_pack::PackId,
-};
-use crate::{error::BakeError, mesh::EncodedLod};
+use super::files::{read_hashed, write_hashed};
+use super::tile_pack::PackId;
+use crate::error::BakeError;
+use crate::mesh::EncodedLod;
+use insula_protocol::TileId;
+use insula_protocol::subtree::MeshLod;
+use std::fs;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 4] = *b"INSQ";
 const HEAD_BYTES: usize = 8;

@@ -3,32 +3,21 @@
 //! The records of the numbered objects are read twice: for the types and ranges of the attributes,
 //! and for the blocks.
 
+use super::archive::{self, WrittenArchive};
+use super::focus::Standing;
+use super::sea::{SeaAndLand, is_sea};
+use crate::error::BakeError;
+use crate::scene::grid::CityGrid;
+use crate::scene::object_numbers::NumberedObject;
+use crate::scene::object_records::{ObjectRecords, RecordReader};
+use insula_objects::FeatureKind;
+use insula_objects::block::{self, BLOCK_OBJECTS, ObjectBounds, ObjectRecord};
+use insula_objects::schema::{Schema, SchemaBuilder};
+use insula_protocol::object_tile::{self, MAX_CONTENT_BYTES, SCHEMA_ID, block_id, block_number};
+use insula_protocol::{DecodeError, TileId};
 use insula_scratch::record_list::RecordList;
-use std::{collections::HashMap, path::Path};
-
-use insula_objects::{
-    FeatureKind,
-    block::{self, BLOCK_OBJECTS, ObjectBounds, ObjectRecord},
-    schema::{Schema, SchemaBuilder},
-};
-use insula_protocol::{
-    DecodeError, TileId,
-    object_tile::{self, MAX_CONTENT_BYTES, SCHEMA_ID, block_id, block_number},
-};
-
-use super::{
-    archive::{self, WrittenArchive},
-    focus::Standing,
-    sea::{SeaAndLand, is_sea},
-};
-use crate::{
-    error::BakeError,
-    scene::{
-        grid::CityGrid,
-        object_numbers::NumberedObject,
-        object_records::{ObjectRecords, RecordReader},
-    },
-};
+use std::collections::HashMap;
+use std::path::Path;
 
 /// The objects of a city.
 pub(crate) struct NumberedRecords<'a> {
@@ -202,7 +191,8 @@ fn encode_schema(schema: &Schema) -> Result<Vec<u8>, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{object_records::SourceRecord, triangle_store::TriangleStore};
+    use crate::scene::object_records::SourceRecord;
+    use crate::scene::triangle_store::TriangleStore;
     use insula_objects::FeatureKind;
 
     #[test]

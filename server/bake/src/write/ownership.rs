@@ -2,24 +2,19 @@
 //!
 //! Entries are classified without following links, so a planted link is an unknown entry like any other file.
 
-use std::{
-    fs,
-    io::{self, Read},
-    path::{Path, PathBuf},
-};
-
-use insula_archive::{
-    city::{MANIFEST_FILE, SEARCH_FILE},
-    file::{open_regular, read_limited},
-    places::{KeptFolder, SCRATCH_FILE as MARKER_FILE, canonical, has_manifest, kept_folder, kept_folder_above},
+use super::files::{remove_file, remove_folder};
+use super::{fingerprints, thumbnail};
+use crate::config::BakeOptions;
+use crate::error::BakeError;
+use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
+use insula_archive::file::{open_regular, read_limited};
+use insula_archive::places::{
+    KeptFolder, SCRATCH_FILE as MARKER_FILE, canonical, has_manifest, kept_folder, kept_folder_above,
 };
 use insula_protocol::TileKind;
-
-use super::{
-    files::{remove_file, remove_folder},
-    fingerprints, thumbnail,
-};
-use crate::{config::BakeOptions, error::BakeError};
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 /// Content of [`MARKER_FILE`].
 const MARKER: &[u8] = b"Insula keeps unfinished work of `bake` in this folder and removes it without asking.\n";
@@ -281,7 +276,8 @@ pub(super) fn check_mount(folder: &Path) -> Result<(), BakeError> {
 
 #[cfg(unix)]
 fn is_mount_point(folder: &Path) -> bool {
-    use std::os::unix::{ffi::OsStrExt, fs::MetadataExt};
+    use std::os::unix::ffi::OsStrExt;
+    use std::os::unix::fs::MetadataExt;
     let folder = canonical(folder);
     let device = |path: &Path| fs::symlink_metadata(path).ok().map(|found| found.dev());
     if folder.parent().is_some_and(|parent| device(parent) != device(&folder)) {

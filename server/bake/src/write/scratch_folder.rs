@@ -10,23 +10,15 @@
 //!              replaced/   the previous city, between the two renames
 //! ```
 
-use std::{
-    cell::Cell,
-    fs,
-    path::{Path, PathBuf},
-};
-
+use super::files::{remove_file, remove_folder, sync_folder, write_synced};
+use super::ownership::{check_mount, check_out, check_scratch, claim_scratch, remove_city, remove_scratch};
+use crate::error::BakeError;
+use crate::kept_work::{STATE_FILE, scratch_folder};
 use insula_archive::places::has_manifest;
 use serde::{Deserialize, Serialize};
-
-use super::{
-    files::{remove_file, remove_folder, sync_folder, write_synced},
-    ownership::{check_mount, check_out, check_scratch, claim_scratch, remove_city, remove_scratch},
-};
-use crate::{
-    error::BakeError,
-    kept_work::{STATE_FILE, scratch_folder},
-};
+use std::cell::Cell;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Hashes of the input of the packs. Packs are reused only if both are equal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,18 +1,17 @@
 //! Where a city ends in the sea: by the objects that the sources call sea, as the nodes of a few levels show them.
 
-use insula_objects::{FeatureKind, value::Value};
-use insula_protocol::{
-    BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, NO_OBJECT, flag, ground::GROUND_COLOUR},
-    sea::SeaEnds,
-};
+use super::tile_bytes::TileContent;
+use super::tile_tree::TileTree;
+use crate::error::BakeError;
+use crate::scene::grid::CityGrid;
+use crate::scene::object_records::SourceRecord;
+use insula_objects::FeatureKind;
+use insula_objects::value::Value;
+use insula_protocol::blockmap::ground::GROUND_COLOUR;
+use insula_protocol::blockmap::{COLUMNS, NO_OBJECT, flag};
+use insula_protocol::sea::SeaEnds;
+use insula_protocol::{BlockMap, NODE_CELLS};
 use insula_shaders::shore::{Cell, CellEnds};
-
-use super::{tile_bytes::TileContent, tile_tree::TileTree};
-use crate::{
-    error::BakeError,
-    scene::{grid::CityGrid, object_records::SourceRecord},
-};
 
 /// Cells of so many levels below the root are looked at: 512 along a side. Those of the root are often wider than a harbour.
 const LEVELS: u8 = 3;

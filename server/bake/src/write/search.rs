@@ -3,27 +3,23 @@
 //! One file from the numbered objects and their records, or none if no object has a text. A text is the object's
 //! identifier, a name, an address, or the value of an attribute that `--search` names. Texts and words are sorted in scratch files.
 
-use insula_scratch::error::ScratchError;
-use insula_scratch::{
-    record_list::RecordScratch,
-    record_sorter::{RecordSorter, SortedRecords},
-};
-use std::{
-    collections::HashMap,
-    fs::File,
-    io::{self, BufWriter, Read, Seek, SeekFrom},
-    path::Path,
-};
-
+use super::files::remove_file;
+use super::objects::NumberedRecords;
+use crate::error::BakeError;
+use crate::scene::object_records::SourceRecord;
 use insula_archive::city::MAX_SEARCH_BYTES;
-use insula_objects::{
-    attribute_names::{TextPart, TextUse},
-    schema::Schema,
-    search::{SearchEntry, SearchError, SearchTextWriter, SearchWordWriter, SearchWriteError, WordRun, write_index},
+use insula_objects::attribute_names::{TextPart, TextUse};
+use insula_objects::schema::Schema;
+use insula_objects::search::{
+    SearchEntry, SearchError, SearchTextWriter, SearchWordWriter, SearchWriteError, WordRun, write_index,
 };
-
-use super::{files::remove_file, objects::NumberedRecords};
-use crate::{error::BakeError, scene::object_records::SourceRecord};
+use insula_scratch::error::ScratchError;
+use insula_scratch::record_list::RecordScratch;
+use insula_scratch::record_sorter::{RecordSorter, SortedRecords};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom};
+use std::path::Path;
 
 /// The attributes of a city that have texts.
 struct TextAttributes<'a>(HashMap<&'a str, TextUse>);
@@ -164,8 +160,13 @@ fn sorted_texts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{object_numbers::NumberedObject, object_records::ObjectRecords, triangle_store::TriangleStore};
-    use insula_objects::{FeatureKind, schema::SchemaBuilder, search::SearchIndex, value::Value};
+    use crate::scene::object_numbers::NumberedObject;
+    use crate::scene::object_records::ObjectRecords;
+    use crate::scene::triangle_store::TriangleStore;
+    use insula_objects::FeatureKind;
+    use insula_objects::schema::SchemaBuilder;
+    use insula_objects::search::SearchIndex;
+    use insula_objects::value::Value;
     use insula_test_support::folder::TestFolder;
 
     fn record(identifier: &str, attributes: &[(&str, &str)]) -> SourceRecord {

@@ -3,45 +3,37 @@
 //! Drawn by the CPU ray-caster from the tiles that the view asks for, in a fixed amount of memory: the cost is that of the picture, not
 //! that of the city. All rays are drawn by the definition, so that the picture does not depend on the machine's instructions.
 
-use std::{
-    collections::HashSet,
-    path::Path,
-    time::{Duration, Instant},
-};
-
-use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
-use insula_archive::{Archive, limits::MAX_OPENING_TIME};
-use insula_protocol::{Manifest, TileKind, route::THUMBNAIL_PX};
-use insula_shaders::{
-    cpu::{
-        instruction_set::InstructionSet,
-        raycast::{Pixels, Sampling},
-        render::render_with,
-    },
-    layout::Shading,
-};
-use insula_viewer::{
-    cache::{AtlasCache, InsertResult, pages_for, slots_for},
-    camera::{Camera, View},
-    decode::{DecodedTile, decode},
-    frame::{FrameData, FrameInputs, RenderSettings},
-    render::CpuAdapter,
-    scene::{SceneTree, TileEvent, TileKey},
-    select::{
-        Selection, SelectionScratch,
-        occlusion_feedback::OcclusionFeedback,
-        select,
-        shadow_casters::{ShadowCasters, shadow_casters},
-        transitions::Transitions,
-    },
-    sun::{Daylight, SunOptions},
-};
-use rayon::{ThreadPool, prelude::*};
-
-use super::{files::write_synced, tile_bytes::TileContent, tile_tree::TileTree};
+use super::files::write_synced;
+use super::tile_bytes::TileContent;
+use super::tile_tree::TileTree;
 use crate::error::BakeError;
-
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+use insula_archive::Archive;
+use insula_archive::limits::MAX_OPENING_TIME;
 pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
+use insula_protocol::route::THUMBNAIL_PX;
+use insula_protocol::{Manifest, TileKind};
+use insula_shaders::cpu::instruction_set::InstructionSet;
+use insula_shaders::cpu::raycast::{Pixels, Sampling};
+use insula_shaders::cpu::render::render_with;
+use insula_shaders::layout::Shading;
+use insula_viewer::cache::{AtlasCache, InsertResult, pages_for, slots_for};
+use insula_viewer::camera::{Camera, View};
+use insula_viewer::decode::{DecodedTile, decode};
+use insula_viewer::frame::{FrameData, FrameInputs, RenderSettings};
+use insula_viewer::render::CpuAdapter;
+use insula_viewer::scene::{SceneTree, TileEvent, TileKey};
+use insula_viewer::select::occlusion_feedback::OcclusionFeedback;
+use insula_viewer::select::shadow_casters::{ShadowCasters, shadow_casters};
+use insula_viewer::select::transitions::Transitions;
+use insula_viewer::select::{Selection, SelectionScratch, select};
+use insula_viewer::sun::{Daylight, SunOptions};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// The picture of cities that were baked earlier: seen from straight above.
 pub(super) const OLD_FILE_NAME: &str = "thumbnail.png";

@@ -1,12 +1,9 @@
 //! The bytes of finished tiles, wherever they are.
 
-use std::path::Path;
-
-use super::{
-    mesh_pack::{self, StoredMesh},
-    tile_pack::{PackReader, StoredTile},
-};
+use super::mesh_pack::{self, StoredMesh};
+use super::tile_pack::{PackReader, StoredTile};
 use crate::error::BakeError;
+use std::path::Path;
 
 /// Finished tiles and meshes.
 pub(crate) trait TileContent {

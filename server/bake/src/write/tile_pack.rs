@@ -4,16 +4,14 @@
 //! if it shows what its children do (4 bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a
 //! pack reads it.
 
-use std::{
-    fs,
-    io::{Read, Seek, SeekFrom},
-    path::{Path, PathBuf},
-};
-
-use insula_protocol::{TileId, subtree::NodeDeviation};
-
 use super::files::{read_hashed, write_hashed};
-use crate::{error::BakeError, scene::grid::BLOCK_LEAVES};
+use crate::error::BakeError;
+use crate::scene::grid::BLOCK_LEAVES;
+use insula_protocol::TileId;
+use insula_protocol::subtree::NodeDeviation;
+use std::fs;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 4] = *b"INSP";
 const HEAD_BYTES: usize = 8;

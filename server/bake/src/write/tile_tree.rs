@@ -3,15 +3,13 @@
 //! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs. A node's error is half the
 //! diagonal of its voxel, which also bounds the size of what it colours, or what was measured, if that is more.
 
-use insula_protocol::{
-    BlockMap, Subtree, TileId,
-    blockmap::{self, MIN_NORMAL_Z, flag, voxel_error_m},
-    octahedral,
-    subtree::{LEVELS, NodeInfo, NodeMesh},
-};
-
-use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
-use crate::{error::BakeError, scene::grid::CityGrid};
+use super::mesh_pack::StoredMesh;
+use super::tile_pack::StoredTile;
+use crate::error::BakeError;
+use crate::scene::grid::CityGrid;
+use insula_protocol::blockmap::{self, MIN_NORMAL_Z, flag, voxel_error_m};
+use insula_protocol::subtree::{LEVELS, NodeInfo, NodeMesh};
+use insula_protocol::{BlockMap, Subtree, TileId, octahedral};
 
 /// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
 #[derive(Debug, Default)]
@@ -211,7 +209,8 @@ pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
 mod tests {
     use super::*;
     use crate::write::tile_pack::{self, EncodedTile};
-    use insula_protocol::{Texel, blockmap::MapColumn};
+    use insula_protocol::Texel;
+    use insula_protocol::blockmap::MapColumn;
 
     #[test]
     fn nodes_that_their_parent_shows_are_removed() {

@@ -2,13 +2,12 @@
 //!
 //! Works from a city's V-BlockMaps alone, so that an update and a bake in steps do the same as a whole bake.
 
-use std::path::Path;
-
+use super::archive::{self, WrittenArchive};
+use crate::error::BakeError;
+use crate::progress::Progress;
 use insula_protocol::{BlockMap, Manifest, TileId};
 use insula_visibility::{CityExtent, CitySets, MAX_LEAF_SQUARES, NoSets, SWEEPS, Settings};
-
-use super::archive::{self, WrittenArchive};
-use crate::{error::BakeError, progress::Progress};
+use std::path::Path;
 
 /// Heights below a city's bounds that columns may reach down to, in metres.
 const BELOW_BOUNDS_M: f64 = 100.0;

@@ -1,16 +1,17 @@
 //! Things above one another: it does not matter whether a source has them as one object or as many, and layers on the ground do
 //! not shade each other. Stored occlusion is that of a hemisphere.
 
-use std::{collections::BTreeMap, path::Path};
-
 use super::support::{BakedCity, add_box, options};
-use insula_bake::{
-    BakeOptions, GroundOption,
-    columns::voxels::VoxelNode,
-    sample::{BlockInput, SampleSettings, sample_block},
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle, grid::CityGrid},
-};
-use insula_protocol::{BlockMap, TileId, blockmap::ground::GROUND_COLOUR, texel::AO_MAX};
+use insula_bake::columns::voxels::VoxelNode;
+use insula_bake::sample::{BlockInput, SampleSettings, sample_block};
+use insula_bake::scene::grid::CityGrid;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
+use insula_bake::{BakeOptions, GroundOption};
+use insula_protocol::blockmap::ground::GROUND_COLOUR;
+use insula_protocol::texel::AO_MAX;
+use insula_protocol::{BlockMap, TileId};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 fn empty() -> Scene {
     Scene { materials: vec![Material { rgb: [200; 3], texture: None, is_reflective: false }], ..Scene::default() }

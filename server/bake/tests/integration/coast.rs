@@ -1,18 +1,16 @@
 //! A made coast: which points of the city are sea, what is painted on level ground, and that steps give the same city.
 
-use std::{fmt::Write, fs, path::PathBuf};
-
-use super::{
-    steps::{assert_same, bake_in_steps, options, plain},
-    support::files,
-};
-use insula_bake::{
-    BakeOptions,
-    read::{ReadOptions, read_embedded},
-    scene::Scene,
-};
+use super::steps::{assert_same, bake_in_steps, options, plain};
+use super::support::files;
+use insula_bake::BakeOptions;
+use insula_bake::read::{ReadOptions, read_embedded};
+use insula_bake::scene::Scene;
 use insula_protocol::manifest::Manifest;
-use insula_test_support::{folder::TestFolder, rng::Rng};
+use insula_test_support::folder::TestFolder;
+use insula_test_support::rng::Rng;
+use std::fmt::Write;
+use std::fs;
+use std::path::PathBuf;
 
 /// Metres of UTM zone 32 in a degree, at the equator and its central meridian.
 const METRES: [f64; 2] = [0.9996 * 111_319.49, 0.9996 * 110_574.3];

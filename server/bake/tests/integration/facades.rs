@@ -1,14 +1,14 @@
 //! Generated facades in a finished city.
 
-use std::{collections::BTreeMap, fmt::Write, fs, path::Path};
-
 use super::support::files;
-use insula_bake::{
-    BakeOptions, BakeReport, Silent, bake,
-    read::{FacadeOption, ReadOptions},
-};
+use insula_bake::read::{FacadeOption, ReadOptions};
+use insula_bake::{BakeOptions, BakeReport, Silent, bake};
 use insula_protocol::Manifest;
 use insula_test_support::folder::TestFolder;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
 
 /// Writes footprints of 20 x 14 m: three houses, a factory and a shed.
 fn write_city(path: &Path) {

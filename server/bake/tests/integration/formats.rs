@@ -1,12 +1,11 @@
 //! The same block of buildings in every format gives the same city. The files were made by `tests/tools/formats/make_block.py`
 //! with other programs' writers.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-
 use glam::DVec3;
 use insula_bake::read::{FeatureKind, KindFilter, ReadOptions, ReadReport, read};
 use insula_bake::scene::Scene;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// Files of degrees have them to 1e-7, which is a centimetre.
 const EXACT_M: f64 = 0.002;

@@ -1,20 +1,15 @@
 //! Generated ground in a finished city.
 
-use std::{collections::BTreeMap, path::Path, sync::OnceLock};
-
 use super::support::{BakedCity, add_box, options};
-use insula_bake::{
-    BakeOptions, GroundOption,
-    sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject},
-};
-use insula_protocol::{
-    BlockMap, TileId,
-    blockmap::{
-        flag,
-        ground::{GROUND_COLOUR, SKY_MAX, VERTICES},
-    },
-};
+use insula_bake::sample::SampleSettings;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject};
+use insula_bake::{BakeOptions, GroundOption};
+use insula_protocol::blockmap::flag;
+use insula_protocol::blockmap::ground::{GROUND_COLOUR, SKY_MAX, VERTICES};
+use insula_protocol::{BlockMap, TileId};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
 
 /// Distance of the houses, and their side.
 const STEP_M: f32 = 24.0;

@@ -1,14 +1,13 @@
 //! What hovers above something else, or above the ground alone, is open below in every format.
 
-use std::{fmt::Write, fs, path::Path};
-
 use super::support::{BakedCity, FACES, options};
 use insula_bake::{BakeOptions, GroundOption};
-use insula_protocol::{
-    BlockMap,
-    blockmap::{MapColumn, STEPS_PER_CELL, strip_rows},
-};
+use insula_protocol::BlockMap;
+use insula_protocol::blockmap::{MapColumn, STEPS_PER_CELL, strip_rows};
 use insula_test_support::folder::TestFolder;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
 
 type Cuboid = [[f64; 3]; 2];
 

@@ -1,17 +1,17 @@
 //! Landmarks: from a file that places scans to mesh tiles with smooth, occluded objects of stone.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fmt::Write,
-    fs,
-    path::Path,
-    sync::OnceLock,
-};
-
 use super::support::{BakedCity, options};
-use insula_bake::{BakeOptions, GroundOption, read::ReadOptions, sample::SampleSettings};
+use insula_bake::read::ReadOptions;
+use insula_bake::sample::SampleSettings;
+use insula_bake::{BakeOptions, GroundOption};
 use insula_protocol::{MeshTile, TileId, mesh_tile};
-use insula_test_support::{folder::TestFolder, tier};
+use insula_test_support::folder::TestFolder;
+use insula_test_support::tier;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::sync::OnceLock;
 
 /// A house of 8 m on level ground at height 3, 20 m west of the middle of the map, as OBJ.
 fn house() -> String {

@@ -1,12 +1,12 @@
 //! Colours of a city of three boxes: one with a pure red roof, one all white, one with a dark photo.
 
-use std::{collections::BTreeSet, fmt::Write, fs, path::Path};
-
-use insula_bake::{
-    BakeOptions, BakeReport, Silent, bake,
-    read::{Palette, ReadOptions, read},
-};
+use insula_bake::read::{Palette, ReadOptions, read};
+use insula_bake::{BakeOptions, BakeReport, Silent, bake};
 use insula_test_support::folder::TestFolder;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
 
 /// Adds a box of 12 x 12 x 9 m with its south-west corner at `x`, and one material for the roof and one for the rest.
 fn add_box(obj: &mut String, number: usize, x: f64, [roof, rest]: [&str; 2]) {

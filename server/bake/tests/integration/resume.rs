@@ -1,21 +1,16 @@
 //! Bakes that are interrupted and resumed.
 
-use std::{
-    fs,
-    io::{BufRead, BufReader, Write},
-    panic::{AssertUnwindSafe, catch_unwind},
-    path::{Path, PathBuf},
-    process::{Command, Stdio},
-    sync::{
-        Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
-    thread,
-};
-
 use super::support::{BakedCity, bake, coarse_options, files, options, out_folder, partial};
-use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::ResumeStatus};
+use insula_bake::report::ResumeStatus;
+use insula_bake::{BakeError, BakeOptions, Progress, Silent};
 use insula_test_support::folder::TestFolder;
+use std::io::{BufRead, BufReader, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::{fs, thread};
 
 /// Panics at a step of a stage.
 struct StopAt {

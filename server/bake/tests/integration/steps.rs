@@ -1,24 +1,21 @@
 //! Bakes in steps give the city of a plain bake, byte for byte.
 
-use std::{
-    collections::BTreeMap,
-    fmt::Write,
-    fs,
-    path::{Path, PathBuf},
-    sync::{
-        Mutex,
-        atomic::{AtomicUsize, Ordering},
-    },
-};
-
 use super::support::{FEW_VIEWS, files};
+use insula_bake::read::{FacadeOption, ReadOptions, SurroundingsOptions, TerrainOptions};
+use insula_bake::sample::SampleSettings;
 use insula_bake::{
     BakeError, BakeOptions, BakeStage, BakeSteps, GroundOption, Job, JobRequest, Progress, Silent, WorkFolder,
     WorkStore,
-    read::{FacadeOption, ReadOptions, SurroundingsOptions, TerrainOptions},
-    sample::SampleSettings,
 };
-use insula_test_support::{folder::TestFolder, rng::Rng, tier};
+use insula_test_support::folder::TestFolder;
+use insula_test_support::rng::Rng;
+use insula_test_support::tier;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Writes files of footprints in degrees, each with its own part of a town with this south-west corner, and some of the neighbour's.
 pub(crate) fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: usize) -> Vec<PathBuf> {

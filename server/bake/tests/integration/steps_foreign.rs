@@ -1,10 +1,9 @@
 //! Bakes in steps leave the files of others alone.
 
-use std::fs;
-
 use super::steps::{options, write_town};
 use insula_bake::{BakeOptions, BakeStage, BakeSteps, GroundOption, Job, JobRequest, Silent, WorkFolder};
 use insula_test_support::folder::TestFolder;
+use std::fs;
 
 #[test]
 fn objects_of_others_in_a_work_store_stay() {

@@ -1,24 +1,20 @@
 //! A small city of boxes, baked cities in memory, and a reader of archives.
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    future::Future,
-    path::{Path, PathBuf},
-    pin::pin,
-    sync::OnceLock,
-    task::{Context, Poll, Waker},
-};
-
-use insula_bake::{
-    BakeError, BakeOptions, BakeReport, Progress, Silent, bake_scene,
-    read::ReadReport,
-    sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
-};
-use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
+use insula_bake::read::ReadReport;
+use insula_bake::sample::SampleSettings;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
+use insula_bake::{BakeError, BakeOptions, BakeReport, Progress, Silent, bake_scene};
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{Manifest, Subtree, TileId};
 use insula_test_support::folder::TestFolder;
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};
+use std::collections::BTreeMap;
+use std::fs;
+use std::future::Future;
+use std::path::{Path, PathBuf};
+use std::pin::pin;
+use std::sync::OnceLock;
+use std::task::{Context, Poll, Waker};
 
 /// Cells so coarse that the whole city is two blocks, for tests that do not need more.
 pub(crate) const COARSE_CELL_M: f64 = 8.0;

@@ -1,15 +1,17 @@
 //! Elevation models in finished cities.
 
-use std::{collections::BTreeMap, fmt::Write, fs, path::Path};
-
 use super::support::{BakedCity, FEW_VIEWS};
-use insula_bake::{
-    BakeOptions,
-    read::{ReadOptions, SurroundingsOptions, TerrainOptions},
-    sample::SampleSettings,
-};
-use insula_protocol::{BlockMap, Manifest, TileId, blockmap::flag, octahedral};
-use insula_test_support::{folder::TestFolder, rng::Rng};
+use insula_bake::BakeOptions;
+use insula_bake::read::{ReadOptions, SurroundingsOptions, TerrainOptions};
+use insula_bake::sample::SampleSettings;
+use insula_protocol::blockmap::flag;
+use insula_protocol::{BlockMap, Manifest, TileId, octahedral};
+use insula_test_support::folder::TestFolder;
+use insula_test_support::rng::Rng;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
 
 /// Where the test's maps are, in EPSG:25832.
 const EAST_M: f64 = 500_000.0;

@@ -1,20 +1,16 @@
 //! Updated cities: the same bytes as a full bake, and only what changed is baked.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs,
-    path::Path,
-};
-
 use super::support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
-use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene, read::ReadReport, scene::Scene};
+use insula_bake::read::ReadReport;
+use insula_bake::scene::Scene;
+use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene};
 use insula_objects::{ObjectBlock, Schema};
-use insula_protocol::{
-    TileKind, VisibilityTile,
-    object_tile::{self, SCHEMA_ID},
-    visibility_tile,
-};
+use insula_protocol::object_tile::{self, SCHEMA_ID};
+use insula_protocol::{TileKind, VisibilityTile, visibility_tile};
 use insula_test_support::folder::TestFolder;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
 
 /// Updates the city `before` to the scene of `after`. The result must equal `after`.
 fn update(name: &str, before: &BakedCity, scene: Scene, after: &BakedCity) -> BakeReport {

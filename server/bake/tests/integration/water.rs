@@ -1,18 +1,15 @@
 //! Water and glass in a finished city: which columns are reflective.
 
-use std::{collections::BTreeMap, path::Path, sync::OnceLock};
-
 use super::support::{BakedCity, options};
-use insula_bake::{
-    BakeOptions,
-    read::{ReadOptions, read_embedded},
-    sample::SampleSettings,
-    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
-};
-use insula_protocol::{
-    BlockMap, TileId,
-    blockmap::{COLUMNS, NODE_CELLS, Quality, flag},
-};
+use insula_bake::BakeOptions;
+use insula_bake::read::{ReadOptions, read_embedded};
+use insula_bake::sample::SampleSettings;
+use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
+use insula_protocol::blockmap::{COLUMNS, NODE_CELLS, Quality, flag};
+use insula_protocol::{BlockMap, TileId};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
 
 /// West, south, east and north end in metres.
 type Square = [f64; 4];

@@ -1,16 +1,18 @@
 //! A finished city: independent of the number of threads, valid in every node, and replaced only when complete.
 
-use std::{fs, path::Path, sync::Mutex};
-
 use super::support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
 use insula_archive::mark::{MARK_AT, mark_of};
-use insula_bake::{
-    BakeError, BakeOptions, Progress, Silent, bake_scene,
-    read::ReadReport,
-    scene::{ObjectKind, Scene, SceneObject, SceneTriangle},
-};
-use insula_protocol::{BlockMap, Manifest, TileId, blockmap::voxel_error_m, manifest::Attribution, subtree::NodeInfo};
+use insula_bake::read::ReadReport;
+use insula_bake::scene::{ObjectKind, Scene, SceneObject, SceneTriangle};
+use insula_bake::{BakeError, BakeOptions, Progress, Silent, bake_scene};
+use insula_protocol::blockmap::voxel_error_m;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{BlockMap, Manifest, TileId};
 use insula_test_support::folder::TestFolder;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
 
 #[test]
 fn number_of_threads_does_not_change_the_bytes() {

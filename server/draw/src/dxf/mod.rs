@@ -9,17 +9,16 @@
 mod colors;
 mod sections;
 
-use crate::{
-    drawing::{Drawing, DrawnLine, DrawnObject, ShapeRole, SheetItem, TextAnchor},
-    join::{Rings, unions},
-    lines::LineRole,
-    style::{Rgb, kind_name},
-    view::PaperGrid,
-};
+use crate::drawing::{Drawing, DrawnLine, DrawnObject, ShapeRole, SheetItem, TextAnchor};
+use crate::join::{Rings, unions};
+use crate::lines::LineRole;
+use crate::style::{Rgb, kind_name};
+use crate::view::PaperGrid;
 use colors::{color_index, nearest_index};
 use insula_protocol::text::at_most;
 use sections::{APPLICATION, FIRST_HANDLE, HANDSEED, MODEL_SPACE};
-use std::{collections::BTreeMap, fmt::Write};
+use std::collections::BTreeMap;
+use std::fmt::Write;
 
 /// Longest text of a group in characters.
 const MAX_TEXT: usize = 250;
@@ -346,11 +345,9 @@ impl<'a> Dxf<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        convex::PagePoint,
-        drawing::DrawnShape,
-        view::{MetreFrame, PaperRect},
-    };
+    use crate::convex::PagePoint;
+    use crate::drawing::DrawnShape;
+    use crate::view::{MetreFrame, PaperRect};
     use insula_objects::FeatureKind;
 
     /// A house with a light and a dark half, its border and a crease, at 1:1000.

@@ -6,15 +6,11 @@
 use super::pt;
 use epaint_default_fonts::UBUNTU_LIGHT;
 use insula_protocol::text::printable;
-use pdf_writer::{
-    Content, Name, Pdf, Rect, Ref, Str, TextStr,
-    types::{CidFontType, FontFlags, SystemInfo},
-};
-use skrifa::{
-    FontRef, GlyphId, MetadataProvider,
-    instance::{LocationRef, Size},
-    outline::OutlinePen,
-};
+use pdf_writer::types::{CidFontType, FontFlags, SystemInfo};
+use pdf_writer::{Content, Name, Pdf, Rect, Ref, Str, TextStr};
+use skrifa::instance::{LocationRef, Size};
+use skrifa::outline::OutlinePen;
+use skrifa::{FontRef, GlyphId, MetadataProvider};
 
 /// Names of objects in the file.
 const ASIAN_FONT: Ref = Ref::new(30);

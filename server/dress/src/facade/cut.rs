@@ -1,10 +1,9 @@
 //! Cuts faces at the borders of zones.
 
-use glam::DVec3;
-
 use super::walls::Wall;
 use super::zone::FacadeZone;
 use crate::world_triangle::WorldTriangle;
+use glam::DVec3;
 
 /// Corners nearer to a border are on it, so that rounded coordinates make no splinters.
 const SNAP_M: f64 = 0.03;

@@ -11,18 +11,15 @@ mod pattern;
 mod walls;
 mod zone;
 
-use glam::{DVec2, DVec3, Vec3Swizzles};
-
+use crate::world_triangle::WorldTriangle;
 pub use building_use::FacadeUse;
 use cut::cut_face;
+use glam::{DVec2, DVec3, Vec3Swizzles};
+use insula_source::report::FacadeReport;
 use parts::{Storeys, WallPart, above_ground, find_parts};
+pub use pattern::SIDE_TEXELS;
 use walls::{Wall, find_walls};
 use zone::FacadeZone;
-
-pub use pattern::SIDE_TEXELS;
-
-use crate::world_triangle::WorldTriangle;
-use insula_source::report::FacadeReport;
 
 /// Increased whenever the same input would get other facades than before.
 pub const ALGORITHM: u32 = 2;

@@ -1,8 +1,7 @@
 //! The rectangles of a wall that are whole, and their storeys and bays.
 
-use glam::DVec2;
-
 use super::zone::FacadeZone;
+use glam::DVec2;
 
 /// Corners nearer along the wall count as one.
 const WELD_M: f64 = 0.1;

@@ -1,12 +1,11 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
-use insula_source::problems::{CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
-use std::ops::RangeInclusive;
-
 use super::height_names::{self, HeightRole, NamedHeight, UnitGuess};
 use super::lengths::{metres, named_lengths, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::problems::{CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
 use insula_source::units::{HeightUnit, metres_of};
+use std::ops::RangeInclusive;
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.

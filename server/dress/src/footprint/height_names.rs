@@ -1,10 +1,9 @@
 //! Names of attributes that tell heights: one table for all readers, in the languages of the larger publishers.
 
-use std::collections::HashMap;
-use std::sync::OnceLock;
-
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{FOOT_M, metres_of};
+use std::collections::HashMap;
+use std::sync::OnceLock;
 
 /// What an attribute tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

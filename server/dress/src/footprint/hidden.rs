@@ -1,13 +1,12 @@
 //! What cannot be seen from above: in tunnels, below the ground, indoors. The same for OpenStreetMap, Overture and the attributes of
 //! city offices.
 
-use std::borrow::Cow;
-use std::ops::RangeInclusive;
-
 use super::lengths::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
 use insula_source::text::split_words;
+use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 /// Why an underground object is skipped.
 pub const UNDERGROUND: &str = "underground";

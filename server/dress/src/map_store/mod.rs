@@ -5,13 +5,12 @@
 
 mod bounds;
 
+pub use bounds::{MAX_COORDINATE_M, MapBounds, bounds, is_position, overlap};
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-
-pub use bounds::{MAX_COORDINATE_M, MapBounds, bounds, is_position, overlap};
 
 const CELL_M: f64 = 1000.0;
 /// Shapes that touch more cells are looked at for every rectangle.

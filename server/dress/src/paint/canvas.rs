@@ -1,9 +1,8 @@
 //! A block of the picture while it is painted: samples that hold materials.
 
-use tiny_skia::{Color, FillRule, Mask, Paint, Path, PathBuilder, Pixmap, Shader, Transform};
-
 use crate::paint::clip::clip_ring;
 use crate::paint::material::{MaterialSet, PaintMaterial};
+use tiny_skia::{Color, FillRule, Mask, Paint, Path, PathBuilder, Pixmap, Shader, Transform};
 
 /// Texels along the side of a block.
 pub(super) const BLOCK_TEXELS: usize = 256;

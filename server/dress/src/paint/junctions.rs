@@ -1,11 +1,10 @@
 //! Junctions: lane lines end before them, and lines that continue have round ends.
 
-use std::collections::HashMap;
-
 use crate::paint::class::LineClass;
 use crate::paint::material::PaintMaterial;
 use crate::paint::prepare::ReadyLine;
 use crate::paint::reach::{MAX_HALF_M, STOP_M};
+use std::collections::HashMap;
 
 /// Points of lines are equal if their centimetres are.
 const STEPS_PER_M: f64 = 100.0;

@@ -1,10 +1,5 @@
 //! Paints pictures of the ground.
 
-use std::borrow::Borrow;
-use std::ops::RangeInclusive;
-
-use rayon::prelude::*;
-
 use crate::map_store::MAX_COORDINATE_M;
 use crate::paint::canvas::{BLOCK_TEXELS, Canvas, SampleWindow, TEXEL_SAMPLES};
 use crate::paint::error::PaintError;
@@ -16,6 +11,9 @@ use crate::paint::prepare::ReadyShapes;
 use crate::paint::resolve::Resolver;
 use crate::paint::road_paint::Grounds;
 use crate::paint::shape::PaintShape;
+use rayon::prelude::*;
+use std::borrow::Borrow;
+use std::ops::RangeInclusive;
 
 const TEXEL_RANGE_M: RangeInclusive<f64> = 0.01..=1000.0;
 const MAX_SIDE: usize = 1 << 14;

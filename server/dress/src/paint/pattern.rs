@@ -1,8 +1,7 @@
 //! How a material's colour varies over the map.
 
-use std::sync::OnceLock;
-
 use crate::paint::noise::ValueNoise;
+use std::sync::OnceLock;
 
 /// Number of lattices of noise.
 pub(super) const OCTAVES: usize = 4;

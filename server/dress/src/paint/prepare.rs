@@ -1,8 +1,5 @@
 //! Prepares shapes for painting: drops invalid positions and sorts them.
 
-use std::borrow::Borrow;
-use std::cmp::Reverse;
-
 use crate::map_store::{MapRecord, is_position, overlap};
 use crate::paint::canvas::Brush;
 use crate::paint::class::{AreaClass, AreaLayer, LineClass};
@@ -10,6 +7,8 @@ use crate::paint::material::PaintMaterial;
 use crate::paint::noise::mix_bits;
 use crate::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
 use crate::paint::surfacing::Surfacing;
+use std::borrow::Borrow;
+use std::cmp::Reverse;
 
 /// Corners of areas nearer to each other than this part of a texel are one.
 const SAME_CORNER_TEXELS: f64 = 0.125;

@@ -1,8 +1,7 @@
 //! The look of one building: what its walls are made of, and how it differs from its neighbours.
 
-use glam::DVec3;
-
 use super::tables::{BRICK_WALLS, CONCRETE_WALLS, FLAT_ROOF, HALL_ROOF, PLASTER_WALLS, TILED_ROOF};
+use glam::DVec3;
 use insula_source::text::split_words;
 
 /// Least z of a flat roof's unit normal. It is the cosine of 14 degrees: drained flat roofs slope by up to 5, and tiles

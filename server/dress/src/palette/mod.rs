@@ -4,17 +4,15 @@ mod harmonise;
 mod look;
 mod tables;
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use serde::Deserialize;
-
 use harmonise::{harmonise, is_unknown};
 use insula_source::error::{InputError, json_message};
 use insula_source::object::ObjectKind;
 use insula_source::report::ColourOrigin;
 use insula_source::source::read_file;
 pub use look::{BuildingLook, ObjectShape, WallKind, area_vector, normal_z};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
 use tables::{MATERIALS, OBJECTS, OTHER, Part, REFLECTIVE, REFLECTIVE_WORDS, SURFACES};
 
 /// Larger palette files are refused.

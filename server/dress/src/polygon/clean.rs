@@ -1,15 +1,11 @@
 //! Cuts the holes out of polygons whose rings touch, share edges or cross: with whole coordinates, so that the result is exact, and the
 //! same on every machine.
 
-use i_overlay::{
-    core::{
-        fill_rule::FillRule,
-        overlay::{IntOverlayOptions, Overlay, ShapeType},
-        overlay_rule::OverlayRule,
-        solver::Solver,
-    },
-    i_float::int::point::IntPoint,
-};
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::core::solver::Solver;
+use i_overlay::i_float::int::point::IntPoint;
 
 /// Size of the units, about a millimetre. Corners nearer to each other than this are one.
 const UNIT_M: f64 = 1.0 / 1024.0;

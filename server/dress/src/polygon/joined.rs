@@ -1,8 +1,7 @@
 //! Triangles of a polygon whose holes touch its outer ring, between the corners that it has.
 
-use earcut::Earcut;
-
 use super::clean::clean;
+use earcut::Earcut;
 
 /// Corners this near to a corner of the polygon are that one.
 const NEAR_M: f64 = 0.01;

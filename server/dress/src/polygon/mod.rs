@@ -3,13 +3,11 @@
 mod clean;
 mod joined;
 
+use super::counted_float::{CountedFloat, with_steps};
+pub use clean::{Rings, area_m2, clean, crosses_itself};
 use earcut::Earcut;
 use glam::DVec3;
 use insula_source::report::SourceReport;
-
-pub use clean::{Rings, area_m2, clean, crosses_itself};
-
-use super::counted_float::{CountedFloat, with_steps};
 
 /// Smaller polygons are treated as degenerate.
 const MIN_AREA_M2: f64 = 1e-8;

@@ -1,11 +1,8 @@
 //! Cuts faces with shared points along the zeros of a function that is linear in each face.
 
-use std::collections::HashMap;
-
+use super::{RoofFault, simple};
 use glam::DVec2;
-
-use super::RoofFault;
-use super::simple;
+use std::collections::HashMap;
 
 /// A point of a roof.
 #[derive(Debug, Clone, Copy, PartialEq)]

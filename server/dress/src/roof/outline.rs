@@ -1,9 +1,7 @@
 //! The outline of a footprint, checked: a simple polygon with holes, in metres from its centre.
 
+use super::{RoofFault, simple};
 use glam::DVec2;
-
-use super::RoofFault;
-use super::simple;
 
 /// Plans with more corners get no roof but a flat one.
 const MAX_CORNERS: usize = 2000;

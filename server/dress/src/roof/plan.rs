@@ -1,12 +1,9 @@
 //! A roof seen from above: faces that divide the footprint, with a height at each point.
 
-use glam::DVec2;
-
-use super::RoofFault;
-use super::cut;
 pub(super) use super::cut::{PlanFace, PlanPoint};
 use super::outline::Outline;
-use super::simple;
+use super::{RoofFault, cut, simple};
+use glam::DVec2;
 
 /// Edges of a face may cross by this much, by rounding.
 const OVERLAP_M: f64 = 1e-5;

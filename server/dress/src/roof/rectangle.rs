@@ -1,9 +1,8 @@
 //! Directions of a plan: the smallest rectangle around it, and the ridge that follows.
 
-use glam::DVec2;
-
 use super::outline::Outline;
 use super::{RoofOrientation, RoofSpec, simple};
+use glam::DVec2;
 
 /// Plans that fill this share of their rectangle are treated as one.
 const RECTANGULAR_SHARE: f64 = 0.9;

@@ -1,11 +1,10 @@
 //! The closed surface of a building: the faces of its roof, the walls below their border, and the floor.
 
-use std::collections::HashMap;
-
 use super::outline::Outline;
 use super::plan::Plan;
 use super::{RoofFault, RoofSpec, cut};
 use insula_source::object::{Surface, SurfaceRole};
+use std::collections::HashMap;
 
 /// Roofs that come nearer than this to the floor meet it.
 const MEET_M: f64 = 1e-6;

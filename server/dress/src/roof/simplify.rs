@@ -1,9 +1,8 @@
 //! Walls of an outline: runs of edges that are straight but for the precision of the data.
 
-use glam::DVec2;
-
 use super::outline::Outline;
 use super::simple;
+use glam::DVec2;
 
 /// Corners nearer than this to a wall's line are on it.
 const STRAIGHT_M: f64 = 0.01;

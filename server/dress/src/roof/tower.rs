@@ -1,11 +1,9 @@
 //! Roofs of scaled outlines around a centre: pyramids, domes and onions.
 
-use glam::DVec2;
-
-use super::RoofFault;
-use super::gables;
 use super::outline::Outline;
 use super::plan::{Plan, PlanPoint};
+use super::{RoofFault, gables};
+use glam::DVec2;
 
 /// The centre is at least this share of the wall's distance from the corners inside of each wall's line.
 const SIGHT_SINE: f64 = 1e-3;

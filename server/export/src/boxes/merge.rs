@@ -1,6 +1,7 @@
 //! Greedy merge of solids into rectangles of columns.
 
-use super::{QUARTERS, solids::Solid};
+use super::QUARTERS;
+use super::solids::Solid;
 use insula_protocol::blockmap::{COLUMNS, NODE_CELLS};
 
 /// Most that the tops of a rectangle differ, in sixteenths of a cell: half a cell.

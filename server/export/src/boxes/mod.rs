@@ -9,8 +9,9 @@ mod solids;
 #[cfg(test)]
 mod tests;
 
+use crate::geometry::Geometry;
+use crate::matrix::Matrix;
 use crate::source::SourceError;
-use crate::{geometry::Geometry, matrix::Matrix};
 use insula_protocol::BlockMap;
 
 /// Units of heights in a cell.

@@ -1,10 +1,9 @@
 //! What columns fill: one solid, or two with a gap between them.
 
-use crate::{geometry::NO_FEATURE, source::SourceError};
-use insula_protocol::{
-    BlockMap, Texel,
-    blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT},
-};
+use crate::geometry::NO_FEATURE;
+use crate::source::SourceError;
+use insula_protocol::blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT};
+use insula_protocol::{BlockMap, Texel};
 
 /// A vertical interval of a column, with what it shows.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,10 +2,8 @@
 
 use super::{boxes, grid};
 use crate::geometry::Geometry;
-use insula_protocol::{
-    BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, ColumnClip, MapColumn, OuterTop, WallStrip, strip_rows},
-};
+use insula_protocol::blockmap::{COLUMNS, ColumnClip, MapColumn, OuterTop, WallStrip, strip_rows};
+use insula_protocol::{BlockMap, NODE_CELLS, Texel, TileId};
 use std::collections::BTreeSet;
 
 fn map_of(column: impl Fn(usize, usize) -> Option<MapColumn>) -> BlockMap {

@@ -1,6 +1,7 @@
 //! Attributes of buildings that are others than before.
 
-use crate::table::{ExportError, city::City};
+use crate::table::ExportError;
+use crate::table::city::City;
 
 /// Names of attributes, with their indices in the schemas of two cities.
 pub(super) struct ComparedAttributes(Vec<(String, [Option<u32>; 2])>);

@@ -1,10 +1,8 @@
 //! Which buildings of two cities are the same, and which were split or merged: by what their footprints share. Of several that share as
 //! much, those with the same identifier are the same.
 
-use super::{
-    pairs::{OverlapPair, overlapping},
-    shapes::BuildingShapes,
-};
+use super::pairs::{OverlapPair, overlapping};
+use super::shapes::BuildingShapes;
 use crate::table::ExportError;
 use std::collections::HashMap;
 
@@ -212,7 +210,8 @@ impl BuildingSets {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::test_shapes::city, *};
+    use super::super::test_shapes::city;
+    use super::*;
     use insula_test_support::rng::Rng;
     use std::collections::BTreeSet;
 

@@ -14,17 +14,12 @@ mod shapes;
 #[cfg(test)]
 mod test_shapes;
 
-use crate::{
-    format::{Format, Projections},
-    source::ExportSource,
-    table::{
-        ExportError, ExportReport,
-        city::City,
-        grid::MapPoint,
-        record::{Record, own_fields},
-        write_rows,
-    },
-};
+use crate::format::{Format, Projections};
+use crate::source::ExportSource;
+use crate::table::city::City;
+use crate::table::grid::MapPoint;
+use crate::table::record::{Record, own_fields};
+use crate::table::{ExportError, ExportReport, write_rows};
 use attributes::ComparedAttributes;
 use groups::ChangeGroups;
 use insula_objects::{FeatureKind, Value, ValueType};

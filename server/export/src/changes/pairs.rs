@@ -2,16 +2,13 @@
 //! its neighbours.
 
 use super::shapes::{BuildingShape, BuildingShapes};
-use crate::{
-    rings::twice_area,
-    table::{ExportError, grid::MapPoint},
-};
-use i_overlay::core::{
-    fill_rule::FillRule,
-    overlay::{IntOverlayOptions, Overlay, ShapeType},
-    overlay_rule::OverlayRule,
-    solver::Solver,
-};
+use crate::rings::twice_area;
+use crate::table::ExportError;
+use crate::table::grid::MapPoint;
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::core::solver::Solver;
 
 /// Side of a cell in units of the map: 65 m where these are millimetres.
 const CELL_SHIFT: u32 = 16;
@@ -130,7 +127,8 @@ fn cells_of(shape: &BuildingShape) -> Option<impl Iterator<Item = [i32; 2]> + us
 
 #[cfg(test)]
 mod tests {
-    use super::{super::test_shapes::city, *};
+    use super::super::test_shapes::city;
+    use super::*;
 
     #[test]
     fn only_what_overlaps_is_a_pair() {

@@ -1,20 +1,14 @@
 //! The footprints of a city's buildings, small enough to have those of two cities in memory: about 120 bytes each.
 
-use crate::{
-    rings::twice_area,
-    selection::ObjectSelection,
-    table::{
-        ExportError,
-        city::{City, Plan},
-        gather::{Footprint, visit_footprints},
-        grid::{MapGrid, MapPoint},
-    },
-};
+use crate::rings::twice_area;
+use crate::selection::ObjectSelection;
+use crate::table::ExportError;
+use crate::table::city::{City, Plan};
+use crate::table::gather::{Footprint, visit_footprints};
+use crate::table::grid::{MapGrid, MapPoint};
 use roaring::RoaringBitmap;
-use std::{
-    hash::{DefaultHasher, Hash, Hasher},
-    ops::Range,
-};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 
 /// Most points of the footprints of a city: 2 GiB.
 const MAX_POINTS: usize = 1 << 28;

@@ -10,21 +10,17 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-use crate::table::{
-    ExportError, ExportReport,
-    city::{City, Plan},
-    output::OutputFile,
-};
+use crate::table::city::{City, Plan};
+use crate::table::output::OutputFile;
+use crate::table::{ExportError, ExportReport};
 use family::{Family, Member, visit_families};
 use insula_objects::{FeatureKind, ObjectRecord};
 use roaring::RoaringBitmap;
 use serde_json::{Map, Value, json};
-use std::{
-    collections::BTreeMap,
-    fs::File,
-    io::{BufWriter, Write},
-    path::Path,
-};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
 use surfaces::Surfaces;
 
 const ADDRESS: &str = "https://www.opengis.net/def/crs/EPSG/0";

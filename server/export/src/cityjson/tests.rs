@@ -1,14 +1,10 @@
 //! Sequences of a small city, read back.
 
-use crate::{
-    file::export,
-    format::{Format, Projections},
-    selection::ObjectSelection,
-    table::{
-        ExportReport, TableOptions,
-        test_city::{BUILDING, COURT, HOUSE, ORIGIN, PARTS, TestCity},
-    },
-};
+use crate::file::export;
+use crate::format::{Format, Projections};
+use crate::selection::ObjectSelection;
+use crate::table::test_city::{BUILDING, COURT, HOUSE, ORIGIN, PARTS, TestCity};
+use crate::table::{ExportReport, TableOptions};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 

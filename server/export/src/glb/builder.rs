@@ -1,17 +1,16 @@
 //! Builds a GLB: collects buffer views, accessors, meshes and textures, and writes header and chunks (glTF 2.0, section 4.4).
 
-use super::ExportError;
-use super::{
-    compress,
-    document::{
-        ARRAY_BUFFER, Accessor, Asset, Attributes, Buffer, BufferView, CLAMP_TO_EDGE, Document, ELEMENT_ARRAY_BUFFER,
-        FLOAT, Image, LINEAR, LINEAR_MIPMAP_LINEAR, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Sampler,
-        Scene, TextureInfo, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT,
-    },
-    geometry::{Geometry, Layout, NO_FEATURE},
-    jpeg::jpeg_of,
+use super::document::{
+    ARRAY_BUFFER, Accessor, Asset, Attributes, Buffer, BufferView, CLAMP_TO_EDGE, Document, ELEMENT_ARRAY_BUFFER,
+    FLOAT, Image, LINEAR, LINEAR_MIPMAP_LINEAR, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Sampler, Scene,
+    TextureInfo, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT,
 };
-use insula_protocol::{Manifest, manifest::Attribution, mesh_tile::TileTexture};
+use super::geometry::{Geometry, Layout, NO_FEATURE};
+use super::jpeg::jpeg_of;
+use super::{ExportError, compress};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::Attribution;
+use insula_protocol::mesh_tile::TileTexture;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 

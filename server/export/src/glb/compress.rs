@@ -2,10 +2,8 @@
 //! which are the versions that the extension allows (its appendix A).
 
 use super::ExportError;
-use meshoptimizer_rs::{
-    Error, Workspace,
-    codec::{IndexEncoding, VertexEncoding, encode_index_buffer, encode_vertex_buffer},
-};
+use meshoptimizer_rs::codec::{IndexEncoding, VertexEncoding, encode_index_buffer, encode_vertex_buffer};
+use meshoptimizer_rs::{Error, Workspace};
 
 /// Encodes `count` vertices of `stride` bytes, a multiple of 4 up to 256.
 pub(super) fn vertices(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, ExportError> {

@@ -1,25 +1,19 @@
 //! The surfaces of a node in a GLB: the triangles of a leaf's mesh, or boxes of columns.
 
-use super::{
-    ExportError, boxes,
-    builder::GlbBuilder,
-    geometry::{Geometry, linear},
-    matrix::Matrix,
-    metadata::Rows,
-    objects::{Chooser, ObjectReader},
-    stone::Stones,
-};
-use crate::{
-    column_surfaces,
-    land_surface::{has_one_colour, land_of_columns},
-    selection::ObjectSelection,
-    source::ExportSource,
-};
+use super::builder::GlbBuilder;
+use super::geometry::{Geometry, linear};
+use super::matrix::Matrix;
+use super::metadata::Rows;
+use super::objects::{Chooser, ObjectReader};
+use super::stone::Stones;
+use super::{ExportError, boxes};
+use crate::column_surfaces;
+use crate::land_surface::{has_one_colour, land_of_columns};
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
 use glam::DVec2;
-use insula_protocol::{
-    BlockMap, MeshTile, NODE_CELLS, TileId,
-    mesh_tile::{MAX_LODS, NO_OBJECT},
-};
+use insula_protocol::mesh_tile::{MAX_LODS, NO_OBJECT};
+use insula_protocol::{BlockMap, MeshTile, NODE_CELLS, TileId};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Height of the strips that hang from borders of land, in cells: nodes beside each other differ by less.

@@ -1,7 +1,8 @@
 //! Textures for programs that do not read WebP.
 
 use super::ExportError;
-use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use insula_protocol::mesh_tile::TileTexture;
 
 /// Quality of JPEG files, of 100.

@@ -3,13 +3,11 @@
 //! Written as `EXT_structural_metadata` (Cesium 2023) after the 3D Metadata Specification 1.0. A column that no object of the table
 //! has is left out. Where only some objects have a value, the others have the column's `noData` value.
 
-use super::{
-    ExportError,
-    builder::GlbBuilder,
-    columns::{Column, Packed},
-    geometry::NO_FEATURE,
-    objects::ObjectReader,
-};
+use super::ExportError;
+use super::builder::GlbBuilder;
+use super::columns::{Column, Packed};
+use super::geometry::NO_FEATURE;
+use super::objects::ObjectReader;
 use insula_objects::{AttributeInfo, ObjectRecord, Value, ValueType};
 use insula_protocol::blockmap::NO_OBJECT;
 use serde_json::{Map, Value as Json, json};

@@ -32,28 +32,24 @@ mod text_form;
 mod view;
 mod view_terrain;
 
-pub use error::ExportError;
-pub use text_form::gltf_of_glb;
-pub use view::ExportView;
-
-use crate::{
-    boxes, geometry, matrix,
-    selection::ObjectSelection,
-    source::{ExportSource, SourceError},
-};
+use crate::selection::ObjectSelection;
+use crate::source::{ExportSource, SourceError};
+use crate::{boxes, geometry, matrix};
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
-use insula_protocol::{
-    Subtree, TileId,
-    mesh_tile::NO_OBJECT,
-    subtree::{NodeInfo, NodeMesh},
-};
+pub use error::ExportError;
+use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::subtree::{NodeInfo, NodeMesh};
+use insula_protocol::{Subtree, TileId};
 use matrix::{Matrix, subtract};
 use metadata::{Rows, add_table};
 use objects::ObjectReader;
 use reach::Reach;
 use serde_json::json;
-use std::{collections::BTreeSet, io::Write};
+use std::collections::BTreeSet;
+use std::io::Write;
+pub use text_form::gltf_of_glb;
+pub use view::ExportView;
 use view::{NodeMeshes, Part, ViewMesh};
 use view_terrain::ViewTerrain;
 

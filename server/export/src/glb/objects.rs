@@ -1,13 +1,13 @@
 //! The objects of a GLB: which are selected, their rows in the property table, and their records.
 
-use crate::{
-    leaves::is_land,
-    selection::ObjectSelection,
-    source::{ExportSource, SourceError},
-};
+use crate::leaves::is_land;
+use crate::selection::ObjectSelection;
+use crate::source::{ExportSource, SourceError};
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectRecord};
 use insula_protocol::blockmap::NO_OBJECT;
-use std::{cell::RefCell, collections::BTreeMap, rc::Rc};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// Most blocks that are kept.
 const MAX_BLOCKS: usize = 64;

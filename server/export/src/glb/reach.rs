@@ -1,9 +1,7 @@
 //! Which nodes a selection reaches, so that others need not be read.
 
-use crate::{
-    selection::ObjectSelection,
-    source::{ExportSource, SourceError},
-};
+use crate::selection::ObjectSelection;
+use crate::source::{ExportSource, SourceError};
 use insula_objects::{BLOCK_OBJECTS, ObjectBlock};
 use insula_protocol::TileId;
 use std::collections::BTreeSet;

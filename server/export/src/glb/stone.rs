@@ -3,10 +3,8 @@
 use super::document::PbrMetallicRoughness;
 use glam::Vec3;
 use insula_protocol::{Manifest, MeshTile};
-use insula_shaders::{
-    cpu::stone::stone_surface,
-    stone::{Stone, StoneParameters},
-};
+use insula_shaders::cpu::stone::stone_surface;
+use insula_shaders::stone::{Stone, StoneParameters};
 
 /// Shares of the sky from here on count as open: upright surfaces see half of it.
 const OPEN_SHARE: f32 = 0.5;
@@ -76,10 +74,8 @@ fn is_metal(stone: &Stone) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{
-        mesh::{Attribute, AttributeKind},
-        mesh_tile::{self, LandmarkObject, OCCLUSION_BITS},
-    };
+    use insula_protocol::mesh::{Attribute, AttributeKind};
+    use insula_protocol::mesh_tile::{self, LandmarkObject, OCCLUSION_BITS};
 
     #[test]
     fn stones_are_materials() {

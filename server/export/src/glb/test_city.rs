@@ -4,13 +4,11 @@ use crate::source::{ExportSource, SourceError};
 use insula_objects::{
     BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord, Schema, SchemaBuilder, Value, block,
 };
-use insula_protocol::{
-    BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT, WallStrip, strip_rows},
-    manifest::{Attribution, FORMAT_VERSION},
-    mesh_tile::{TileTexture, cuboid},
-    subtree::{MeshLod, NodeInfo, NodeMesh},
-};
+use insula_protocol::blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT, WallStrip, strip_rows};
+use insula_protocol::manifest::{Attribution, FORMAT_VERSION};
+use insula_protocol::mesh_tile::{TileTexture, cuboid};
+use insula_protocol::subtree::{MeshLod, NodeInfo, NodeMesh};
+use insula_protocol::{BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, Texel, TileId};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A city of `depth` levels below the root at an arbitrary place.

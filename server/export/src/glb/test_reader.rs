@@ -1,9 +1,7 @@
 //! Reads GLBs in tests, and checks what glTF 2.0 demands of them.
 
-use meshoptimizer_rs::{
-    Workspace,
-    codec::{decode_index_buffer, decode_vertex_buffer},
-};
+use meshoptimizer_rs::Workspace;
+use meshoptimizer_rs::codec::{decode_index_buffer, decode_vertex_buffer};
 use serde_json::Value;
 
 /// A parsed GLB.

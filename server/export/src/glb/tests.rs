@@ -1,21 +1,15 @@
 //! GLBs of a synthetic city.
 
-use super::{
-    test_city::{TERRAIN, TestCity, city, webp},
-    test_reader::Glb,
-    write_glb,
-};
-use crate::{
-    camera::ExportCamera,
-    glb::{ExportError, ExportReport, ExportView},
-    selection::ObjectSelection,
-};
-use insula_protocol::{
-    TileId,
-    mesh::PositionGrid,
-    mesh_tile::cuboid,
-    subtree::{MeshLod, NodeMesh},
-};
+use super::test_city::{TERRAIN, TestCity, city, webp};
+use super::test_reader::Glb;
+use super::write_glb;
+use crate::camera::ExportCamera;
+use crate::glb::{ExportError, ExportReport, ExportView};
+use crate::selection::ObjectSelection;
+use insula_protocol::TileId;
+use insula_protocol::mesh::PositionGrid;
+use insula_protocol::mesh_tile::cuboid;
+use insula_protocol::subtree::{MeshLod, NodeMesh};
 
 fn export(city: &TestCity, selection: &ObjectSelection) -> Result<(Glb, ExportReport), ExportError> {
     let mut bytes = Vec::new();

@@ -1,7 +1,8 @@
 //! The text form of glTF (2.0, section 3.6.1): JSON, with the bytes as a data URI.
 
 use super::ExportError;
-use base64::{Engine as _, engine::general_purpose::STANDARD};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
 /// Bytes of the header, and of the head of a chunk.

@@ -1,9 +1,13 @@
 //! What of a city a camera sees: the nodes in its frustum, each as coarse as the error on the screen allows.
 
-use super::{ExportError, boxes, matrix::Matrix, mesh_of, reach::Reach, subtree_at};
-use crate::{camera::ExportCamera, source::ExportSource};
+use super::matrix::Matrix;
+use super::reach::Reach;
+use super::{ExportError, boxes, mesh_of, subtree_at};
+use crate::camera::ExportCamera;
+use crate::source::ExportSource;
 use glam::{DMat3, DVec3, Vec3};
-use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{Manifest, Subtree, TileId};
 use std::collections::HashMap;
 
 /// Nothing is nearer to the eye than this, in metres.
@@ -234,7 +238,8 @@ enum Choice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{glb::test_city::city, selection::ObjectSelection};
+    use crate::glb::test_city::city;
+    use crate::selection::ObjectSelection;
     use insula_protocol::subtree::NodeMesh;
 
     /// Looks north from a place in metres from the corner of the test city.

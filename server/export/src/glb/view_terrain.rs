@@ -3,13 +3,11 @@
 //! A level of detail holds its error over its whole leaf, and its borders are as fine as those of its neighbours. ROAM makes one
 //! surface of all leaves, which is finest near the eye.
 
-use super::{
-    ExportError,
-    builder::GlbBuilder,
-    geometry::{Geometry, NO_FEATURE, srgb},
-    matrix::{Matrix, subtract},
-    view::ExportView,
-};
+use super::ExportError;
+use super::builder::GlbBuilder;
+use super::geometry::{Geometry, NO_FEATURE, srgb};
+use super::matrix::{Matrix, subtract};
+use super::view::ExportView;
 use crate::land_surface::{LandSurface, is_one_colour};
 use glam::{DVec2, DVec3};
 use insula_protocol::{Manifest, NODE_CELLS, TileId};

@@ -8,12 +8,12 @@ mod tests;
 mod tiff;
 mod tops;
 
-use crate::{
-    format::Projections,
-    selection::ObjectSelection,
-    source::ExportSource,
-    table::{ExportError, ExportReport, output::OutputFile, walk::visit_end_nodes},
-};
+use crate::format::Projections;
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
+use crate::table::output::OutputFile;
+use crate::table::walk::visit_end_nodes;
+use crate::table::{ExportError, ExportReport};
 use insula_protocol::{Manifest, NODE_CELLS};
 use std::path::Path;
 use tiff::{TILE, TiffSetup, TiffWriter};

@@ -1,20 +1,14 @@
 //! Rasters of a small city, read back with the crate `tiff`.
 
 use super::NODATA;
-use crate::{
-    file::export,
-    format::{Format, Projections},
-    selection::ObjectSelection,
-    table::{
-        ExportError, ExportReport, TableOptions,
-        test_city::{COURT, ORIGIN, TestCity},
-    },
-};
+use crate::file::export;
+use crate::format::{Format, Projections};
+use crate::selection::ObjectSelection;
+use crate::table::test_city::{COURT, ORIGIN, TestCity};
+use crate::table::{ExportError, ExportReport, TableOptions};
 use std::fs::File;
-use tiff::{
-    decoder::{Decoder, DecodingResult},
-    tags::Tag,
-};
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::tags::Tag;
 
 struct Raster {
     report: ExportReport,

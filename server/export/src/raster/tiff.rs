@@ -3,11 +3,10 @@
 //! The crate `tiff` writes strips only. Tiles are packed by Deflate after the floating-point predictor (Adobe Photoshop TIFF Technical
 //! Note 3). The directory is at the end, so that nothing but the position of each tile stays in memory.
 
-use flate2::{Compression, write::ZlibEncoder};
-use std::{
-    fs::File,
-    io::{self, BufWriter, Seek, SeekFrom, Write},
-};
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 /// Side of a tile in cells.
 pub(super) const TILE: u32 = 256;

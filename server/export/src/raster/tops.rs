@@ -1,9 +1,7 @@
 //! The tops of a node's cells.
 
-use insula_protocol::{
-    BlockMap, Manifest,
-    blockmap::{COLUMNS, ColumnClip, NO_OBJECT, flag},
-};
+use insula_protocol::blockmap::{COLUMNS, ColumnClip, NO_OBJECT, flag};
+use insula_protocol::{BlockMap, Manifest};
 
 /// What lies at the middle of a cell, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +64,8 @@ fn is_inside(clip: &ColumnClip) -> bool {
 mod tests {
     use super::*;
     use crate::table::test_city::manifest;
-    use insula_protocol::{TileId, blockmap::NodeGround};
+    use insula_protocol::TileId;
+    use insula_protocol::blockmap::NodeGround;
 
     #[test]
     fn ground_that_the_source_does_not_have_is_marked() {

@@ -1,14 +1,15 @@
 //! A city as exports read it: blocks of objects through a small cache, and what is selected of them.
 
-use super::{
-    ExportError,
-    grid::{LeafOrder, MapGrid},
-};
-use crate::{selection::ObjectSelection, source::ExportSource};
+use super::ExportError;
+use super::grid::{LeafOrder, MapGrid};
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord};
 use insula_protocol::Manifest;
 use roaring::RoaringBitmap;
-use std::{cell::RefCell, collections::HashMap, rc::Rc};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// Blocks that are kept decoded. Objects that are near each other are in few blocks.
 const CACHED_BLOCKS: usize = 16;

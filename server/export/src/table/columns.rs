@@ -1,9 +1,7 @@
 //! What columns show on the map, in cities and nodes without meshes: rows of cells of one object, and level tops.
 
-use insula_protocol::{
-    BlockMap, Manifest, NODE_CELLS,
-    blockmap::{ColumnObjects, NO_OBJECT, flag},
-};
+use insula_protocol::blockmap::{ColumnObjects, NO_OBJECT, flag};
+use insula_protocol::{BlockMap, Manifest, NODE_CELLS};
 
 /// The columns of a node with objects.
 pub(crate) struct ColumnView<'a> {

@@ -3,19 +3,14 @@
 //! Attribution is in a text file beside it, because a comment line breaks readers. Spreadsheets run cells that begin with `=`, `+`, `-` or
 //! `@` as formulas, so such a text gets an apostrophe before it unless formulas are kept.
 
-use super::{
-    ExportError, ExportReport, RecordWriter, TableSetup,
-    output::{OutputFile, with_suffix},
-    record::{Field, Record},
-    wkb,
-};
+use super::output::{OutputFile, with_suffix};
+use super::record::{Field, Record};
+use super::{ExportError, ExportReport, RecordWriter, TableSetup, wkb};
 use insula_objects::Value;
-use std::{
-    borrow::Cow,
-    fs::File,
-    io::{BufWriter, Write},
-    path::{Path, PathBuf},
-};
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
 
 const FORMAT: &str = "CSV";
 

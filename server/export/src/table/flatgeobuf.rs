@@ -3,21 +3,16 @@
 //! The writer of the crate keeps features in a temporary file, and about 150 bytes of each in memory for the index. Objects without a
 //! footprint are left out, because the index cannot have them. The header's `metadata` is a JSON object with `attribution`.
 
-use super::{
-    ExportError, RecordWriter, TableSetup,
-    record::{Field, Record},
-};
-use flatgeobuf::{
-    ColumnType, FgbCrs, FgbWriter, FgbWriterOptions, GeometryType,
-    geozero::{ColumnValue, GeomProcessor, GeozeroGeometry, PropertyProcessor, error::Result as GeozeroResult},
-};
+use super::record::{Field, Record};
+use super::{ExportError, RecordWriter, TableSetup};
+use flatgeobuf::geozero::error::Result as GeozeroResult;
+use flatgeobuf::geozero::{ColumnValue, GeomProcessor, GeozeroGeometry, PropertyProcessor};
+use flatgeobuf::{ColumnType, FgbCrs, FgbWriter, FgbWriterOptions, GeometryType};
 use insula_objects::{Value, ValueType};
 use serde_json::json;
-use std::{
-    fs::File,
-    io::{BufWriter, Write},
-    path::PathBuf,
-};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
 
 const FORMAT: &str = "FlatGeobuf";
 

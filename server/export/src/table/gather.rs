@@ -3,16 +3,16 @@
 //! Leaves are visited along a Hilbert curve. An object is open from the first leaf that shows it until the last one that its bounds
 //! touch, so memory holds the objects around one place of the curve. The outline of an object has that of its parts.
 
-use super::{
-    ExportError,
-    city::{City, Plan},
-    columns::ColumnView,
-    open_objects::OpenObjects,
-    outline::{Outline, area_m2},
-    walk::{EndNode, visit_end_nodes},
-};
-use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
-use std::collections::{HashMap, hash_map::Entry};
+use super::ExportError;
+use super::city::{City, Plan};
+use super::columns::ColumnView;
+use super::open_objects::OpenObjects;
+use super::outline::{Outline, area_m2};
+use super::walk::{EndNode, visit_end_nodes};
+use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::{MeshTile, TileId};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// Positions this close to a leaf's border are on it, in steps of the mesh's grid: triangles are cut there.
 const BORDER_STEPS: f64 = 1.5;

@@ -2,17 +2,13 @@
 //!
 //! Foreign members of the collection are `name` and `attribution`. A feature's `id` is the object's number.
 
-use super::{
-    ExportError, Projections, RecordWriter, TableSetup,
-    record::{Field, Record},
-};
+use super::record::{Field, Record};
+use super::{ExportError, Projections, RecordWriter, TableSetup};
 use insula_protocol::text::without_sign_of_zero;
 use serde_json::json;
-use std::{
-    fs::File,
-    io::{BufWriter, Write},
-    path::PathBuf,
-};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
 
 /// Decimals of degrees: 0.1 mm.
 const DEGREES: f64 = 1e9;

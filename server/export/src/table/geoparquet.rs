@@ -2,27 +2,25 @@
 //!
 //! Coordinates are world metres. `attribution` is in the metadata of the file.
 
-use super::{
-    ExportError, RecordWriter, TableSetup, projjson,
-    record::{Field, Record},
-    wkb,
+use super::record::{Field, Record};
+use super::{ExportError, RecordWriter, TableSetup, projjson, wkb};
+use arrow_array::builder::{
+    ArrayBuilder, BinaryBuilder, BooleanBuilder, Date32Builder, Float64Builder, Int64Builder, StringBuilder,
+    StructBuilder,
 };
-use arrow_array::{
-    ArrayRef, RecordBatch,
-    builder::{
-        ArrayBuilder, BinaryBuilder, BooleanBuilder, Date32Builder, Float64Builder, Int64Builder, StringBuilder,
-        StructBuilder,
-    },
-};
+use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field as ArrowField, Fields, Schema, SchemaRef};
 use insula_objects::{Value, ValueType};
-use parquet::{
-    arrow::ArrowWriter,
-    basic::{Compression, ZstdLevel},
-    file::{metadata::KeyValue, properties::WriterProperties},
-};
+use parquet::arrow::ArrowWriter;
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
 use serde_json::json;
-use std::{collections::HashMap, fs::File, io::BufWriter, path::PathBuf, sync::Arc};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 const FORMAT: &str = "GeoParquet";
 /// Rows that are passed on together.

@@ -32,25 +32,20 @@ mod tests;
 pub(crate) mod walk;
 mod wkb;
 
-pub use csv::cell as csv_cell;
-pub use report::{ExportError, ExportReport, attribution};
-
 use crate::format::{Format, Projections};
 use city::{City, Plan};
+pub use csv::cell as csv_cell;
 use gather::{Footprint, visit_footprints};
-use insula_objects::{
-    Value,
-    family::{PartValues, inherit},
-};
+use insula_objects::Value;
+use insula_objects::family::{PartValues, inherit};
 use insula_protocol::Manifest;
 use output::OutputFile;
 use record::{Field, Record};
+pub use report::{ExportError, ExportReport, attribution};
 use roaring::RoaringBitmap;
-use std::{
-    collections::HashMap,
-    fs::File,
-    path::{Path, PathBuf},
-};
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 /// Writes rows in one format.
 pub(crate) trait RecordWriter {

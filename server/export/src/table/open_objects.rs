@@ -1,9 +1,7 @@
 //! The objects around one place of the curve of leaves.
 
-use super::{
-    ExportError,
-    city::{City, Plan},
-};
+use super::ExportError;
+use super::city::{City, Plan};
 use std::collections::{BTreeSet, HashMap};
 
 /// What is known of the objects of which leaves are still to come.

@@ -4,15 +4,11 @@
 
 use super::grid::{MapGrid, MapPoint};
 use crate::rings::{is_sliver, tidy, twice_area};
-use i_overlay::{
-    core::{
-        fill_rule::FillRule,
-        overlay::{IntOverlayOptions, Overlay, ShapeType},
-        overlay_rule::OverlayRule,
-        solver::Solver,
-    },
-    i_shape::int::shape::IntShapes,
-};
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::core::solver::Solver;
+use i_overlay::i_shape::int::shape::IntShapes;
 
 /// Parts are joined when there are this many, and as many as the outline has points: so that memory follows the outline and time
 /// is almost linear.

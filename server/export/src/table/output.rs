@@ -2,10 +2,8 @@
 
 use super::ExportError;
 use insula_archive::new_file::NewFile;
-use std::{
-    fs::File,
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 /// A file under a temporary name beside its final one. It is removed unless it is committed.
 #[derive(Debug)]

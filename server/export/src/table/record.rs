@@ -3,7 +3,8 @@
 use super::gather::Footprint;
 use insula_objects::{FeatureKind, Schema, Value, ValueType};
 use insula_protocol::text::without_sign_of_zero;
-use std::{borrow::Cow, collections::BTreeSet};
+use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 /// One object.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,12 +1,11 @@
 //! What an export did, and why it failed.
 
 use crate::source::{ExportSource, SourceError};
-use insula_protocol::{Manifest, manifest::Attribution};
+use insula_protocol::Manifest;
+use insula_protocol::manifest::Attribution;
 use serde::Serialize;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// What an export wrote.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]

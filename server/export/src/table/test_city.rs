@@ -4,13 +4,11 @@ use crate::source::{ExportSource, SourceError};
 use insula_objects::{
     BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord, Schema, SchemaBuilder, Value, block,
 };
-use insula_protocol::{
-    BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, TileId,
-    blockmap::{ColumnObjects, flag},
-    manifest::{Attribution, HeightReference},
-    mesh::{Mesh, PositionGrid},
-    subtree::{MeshLod, NodeInfo, NodeMesh},
-};
+use insula_protocol::blockmap::{ColumnObjects, flag};
+use insula_protocol::manifest::{Attribution, HeightReference};
+use insula_protocol::mesh::{Mesh, PositionGrid};
+use insula_protocol::subtree::{MeshLod, NodeInfo, NodeMesh};
+use insula_protocol::{BlockMap, Manifest, MeshTile, NODE_CELLS, Subtree, TileId};
 use std::collections::HashMap;
 
 pub(crate) const ORIGIN: [f64; 3] = [84_000.0, 446_000.0, -5.0];

@@ -1,23 +1,17 @@
 //! Exports of a small city, read back.
 
-use super::{
-    AddedValues, ExportError, ExportReport, TableOptions,
-    test_city::{BRIDGE, BUILDING, COURT, GHOST, HEDGE, HOUSE, ORIGIN, PARTS, TestCity},
-};
-use crate::{
-    file::{export, export_values},
-    format::{Format, PlaneDefinition, Projections},
-    selection::{ObjectSelection, SelectedArea},
-};
+use super::test_city::{BRIDGE, BUILDING, COURT, GHOST, HEDGE, HOUSE, ORIGIN, PARTS, TestCity};
+use super::{AddedValues, ExportError, ExportReport, TableOptions};
+use crate::file::{export, export_values};
+use crate::format::{Format, PlaneDefinition, Projections};
+use crate::selection::{ObjectSelection, SelectedArea};
 use arrow_array::{Array, BinaryArray, BooleanArray, Date32Array, Float64Array, Int64Array, StringArray, StructArray};
 use flatgeobuf::{FallibleStreamingIterator, FeatureProperties, FgbReader};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use std::{
-    collections::{BTreeMap, HashMap},
-    fs::File,
-    io::BufReader,
-    path::PathBuf,
-};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::PathBuf;
 
 struct Exported {
     report: ExportReport,

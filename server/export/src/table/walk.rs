@@ -1,11 +1,11 @@
 //! Visits the nodes of a city that have no children, in the order of leaves.
 
-use super::{
-    ExportError,
-    grid::{LeafOrder, node_area},
-};
+use super::ExportError;
+use super::grid::{LeafOrder, node_area};
 use crate::source::{ExportSource, SourceError};
-use insula_protocol::{Manifest, Subtree, TileId, mesh_tile::MAX_LODS, subtree::NodeMesh};
+use insula_protocol::mesh_tile::MAX_LODS;
+use insula_protocol::subtree::NodeMesh;
+use insula_protocol::{Manifest, Subtree, TileId};
 use std::collections::HashMap;
 
 /// A node without children: a leaf, or land around the city that is not divided further.

@@ -3,7 +3,8 @@
 use crate::glb::ExportError;
 use md5::{Digest, Md5};
 use std::io::{self, Seek, SeekFrom, Write};
-use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 /// Name of the index.
 pub(super) const INDEX: &str = "@3dtilesIndex1@";
@@ -102,7 +103,8 @@ impl<W: Seek> Seek for UntilFailure<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{cell::Cell, io::Cursor};
+    use std::cell::Cell;
+    use std::io::Cursor;
 
     /// A disk of 100 bytes, which counts what comes when it is full.
     struct SmallDisk<'a>(Cursor<Vec<u8>>, &'a Cell<u32>);

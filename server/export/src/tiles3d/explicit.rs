@@ -1,9 +1,12 @@
 //! The plain form: tilesets that list their tiles. Tiles down to the next roots of subtrees are in one file, and those below each of
 //! these in a file of its own (3D Tiles 1.1, "External tilesets"), so that a file has at most 1,365 tiles.
 
-use super::{Tileset, TilesetDocument, subtree::Tile, tileset_file::TilesetFile};
+use super::subtree::Tile;
+use super::tileset_file::TilesetFile;
+use super::{Tileset, TilesetDocument};
 use crate::glb::ExportError;
-use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{Subtree, TileId};
 use serde::Serialize;
 use serde_json::json;
 
@@ -82,19 +85,12 @@ fn has_file(node: &NodeInfo) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{
-        Destination, TILESET_JSON, Tileset, TilesetForm, each_file,
-        tests::{EVERYTHING, deep_city, tileset},
-        write_tileset,
-    };
-    use crate::{
-        glb::{
-            ExportError,
-            test_city::{TestCity, city},
-            test_reader::Glb,
-        },
-        selection::ObjectSelection,
-    };
+    use super::super::tests::{EVERYTHING, deep_city, tileset};
+    use super::super::{Destination, TILESET_JSON, Tileset, TilesetForm, each_file, write_tileset};
+    use crate::glb::ExportError;
+    use crate::glb::test_city::{TestCity, city};
+    use crate::glb::test_reader::Glb;
+    use crate::selection::ObjectSelection;
     use serde_json::Value;
     use std::collections::BTreeMap;
 

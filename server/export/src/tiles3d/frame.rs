@@ -4,7 +4,8 @@
 //! system is no plane on Earth: each node is placed by the projection around its own middle.
 
 use crate::matrix::{Matrix, add, cross, dot, length, subtract, times};
-use insula_protocol::{Manifest, TileId, manifest::GeoLocation};
+use insula_protocol::manifest::GeoLocation;
+use insula_protocol::{Manifest, TileId};
 
 /// From a world position in metres to one from the centre of the Earth (EPSG:4978). `None` if the coordinate system is unknown or
 /// does not reach there.

@@ -24,31 +24,25 @@ mod tests;
 mod tileset_file;
 mod write;
 
-pub use frame::ToGeocentric;
-pub use write::{Destination, each_file, write_tileset};
-
-use crate::{
-    boxes,
-    glb::{
-        ExportError,
-        builder::{GlbBuilder, Packing},
-        content::ContentWriter,
-        mesh_of,
-        metadata::{Rows, add_table},
-        objects::ObjectReader,
-        reach::Reach,
-        subtree_at,
-    },
-    matrix::Matrix,
-    selection::ObjectSelection,
-    source::ExportSource,
-};
+use crate::boxes;
+use crate::glb::builder::{GlbBuilder, Packing};
+use crate::glb::content::ContentWriter;
+use crate::glb::metadata::{Rows, add_table};
+use crate::glb::objects::ObjectReader;
+use crate::glb::reach::Reach;
+use crate::glb::{ExportError, mesh_of, subtree_at};
+use crate::matrix::Matrix;
+use crate::selection::ObjectSelection;
+use crate::source::ExportSource;
 use frame::Frame;
-use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
+pub use frame::ToGeocentric;
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{Subtree, TileId};
 use serde::Serialize;
 use serde_json::{Value, json};
 use subtree::Tile;
 use tileset_file::TilesetFile;
+pub use write::{Destination, each_file, write_tileset};
 
 /// Largest property table of a tile that is no leaf, in bytes: about as much as its surfaces take.
 const FAR_TABLE_BYTES: usize = 16 << 10;

@@ -5,11 +5,13 @@
 
 use super::tileset_file::TilesetFile;
 use crate::glb::ExportError;
-use base64::{Engine, engine::general_purpose::STANDARD};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use insula_archive::new_file::NewFile;
 use pmtiles::{Compression, PmTilesStreamWriter, PmTilesWriter, PmtError, TileCoord, TileType};
 use serde_json::{Map, Value, json};
-use std::{fs::File, path::Path};
+use std::fs::File;
+use std::path::Path;
 
 /// Writes an archive, content by content.
 pub(super) struct TileArchive {

@@ -1,7 +1,8 @@
 //! Subtree files of implicit tilings (3D Tiles 1.1, "Subtree files"): which tiles, contents and child subtrees exist, and each tile's
 //! bounding box and geometric error (3D Metadata semantics `TILE_BOUNDING_BOX` and `TILE_GEOMETRIC_ERROR`).
 
-use crate::glb::{ExportError, columns::bits};
+use crate::glb::ExportError;
+use crate::glb::columns::bits;
 use insula_protocol::TileId;
 use serde_json::{Value, json};
 

@@ -1,18 +1,18 @@
 //! Tilesets of a synthetic city.
 
-use super::{Destination, TILESET_JSON, Tileset, archive::INDEX, write_tileset};
-use crate::{
-    glb::{
-        ExportError,
-        test_city::{TestCity, city},
-        test_reader::Glb,
-    },
-    selection::ObjectSelection,
-};
-use base64::{Engine as _, engine::general_purpose::STANDARD};
-use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
+use super::archive::INDEX;
+use super::{Destination, TILESET_JSON, Tileset, write_tileset};
+use crate::glb::ExportError;
+use crate::glb::test_city::{TestCity, city};
+use crate::glb::test_reader::Glb;
+use crate::selection::ObjectSelection;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use insula_protocol::subtree::NodeInfo;
+use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
-use std::{collections::BTreeSet, io::Read as _};
+use std::collections::BTreeSet;
+use std::io::Read as _;
 
 pub(super) const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygons: None, objects: None };
 

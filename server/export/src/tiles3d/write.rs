@@ -1,19 +1,18 @@
 //! Writes all files of a tileset into a folder, or into an archive (`.3tz`, `.pmtiles`).
 
-use super::{TILESET_JSON, Tileset, archive::ArchiveWriter, pmtiles::TileArchive, tileset_file::TilesetFile};
+use super::archive::ArchiveWriter;
+use super::pmtiles::TileArchive;
+use super::tileset_file::TilesetFile;
+use super::{TILESET_JSON, Tileset};
 use crate::glb::{ExportError, ExportReport};
-use insula_archive::{
-    file::open_regular,
-    new_file::{NewFile, replace},
-    places::canonical,
-};
+use insula_archive::file::open_regular;
+use insula_archive::new_file::{NewFile, replace};
+use insula_archive::places::canonical;
 use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
-use std::{
-    fs,
-    io::{self, Write},
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// Names that are tried for the folder of unfinished files.
 const MAX_TRIES: u32 = 10_000;

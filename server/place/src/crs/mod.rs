@@ -22,7 +22,6 @@ mod wkt_crs;
 pub use area::Area;
 pub use axes::Axes;
 pub use definition::Definition;
-
 use definition::parse_shift;
 use registry::Base;
 

@@ -1,8 +1,7 @@
 //! Systems by the names that the EPSG registry and Esri have for them, such as `WGS 84 / UTM zone 32N`.
 
-use std::ops::RangeInclusive;
-
 use super::registry::{name_key, vertical_by_name};
+use std::ops::RangeInclusive;
 
 /// Systems by their names as [`name_key`] has them, without Esri's years.
 const SYSTEMS: [(&str, u32); 33] = [

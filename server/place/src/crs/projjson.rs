@@ -1,13 +1,12 @@
 //! Systems from PROJJSON, as in GeoParquet.
 
-use serde_json::Value;
-
 use super::axes::Axes;
 use super::definition::Shift;
 use super::describe::{self, HorizontalDescription, VerticalDescription};
 use super::method::{Meaning, Parameters, meaning};
 use super::wkt_crs::direction;
 use super::{Crs, CrsError};
+use serde_json::Value;
 
 /// Longer texts are refused.
 const MAX_BYTES: usize = 1 << 20;

@@ -1,11 +1,10 @@
 //! Tables of the EPSG registry: axis order, areas of use, compound and vertical systems, names of datums. Definitions of horizontal
 //! systems are in the crate `crs-definitions`. Besides, where there is land.
 
-use std::collections::BTreeMap;
-use std::sync::OnceLock;
-
 use super::area::Area;
 use super::axes::Axes;
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 static HORIZONTAL: &str = include_str!("data/horizontal.txt");
 static VERTICAL: &str = include_str!("data/vertical.txt");

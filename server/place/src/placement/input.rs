@@ -1,13 +1,11 @@
 //! What the coordinates of a source mean.
 
-use std::sync::Arc;
-
-use proj4rs::Proj;
-use proj4rs::adaptors::transform_vertex_2d;
-
 use super::earth::Geodetic;
 use crate::crs::{Axes, Crs, CrsError, Horizontal, LocalOrigin, System, Vertical};
 use insula_source::object::AxisOrder;
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
+use std::sync::Arc;
 
 /// Definition of longitude and latitude of WGS84.
 pub(super) const WGS84: &str = "+proj=longlat +ellps=WGS84 +towgs84=0,0,0";

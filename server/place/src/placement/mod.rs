@@ -17,20 +17,18 @@ mod tests;
 mod transform;
 mod world;
 
-use std::sync::Arc;
-
 pub use earth::degrees_per_metre;
 pub use first_shape::{FirstShape, is_on_globe, width_deg};
-pub use mesh_extent::MeshExtent;
-pub use order::{AxisOrders, AxisRule};
-pub use world::World;
-
 use input::SourceInput;
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
 use insula_source::problems::INEXACT;
 use insula_source::report::SourceReport;
+pub use mesh_extent::MeshExtent;
+pub use order::{AxisOrders, AxisRule};
+use std::sync::Arc;
 use transform::Transform;
+pub use world::World;
 
 /// Positions farther away are faults: the Earth's circumference is 4e7 m.
 const MAX_COORDINATE_M: f64 = 1e9;

@@ -1,17 +1,15 @@
 //! Whether the coordinates of a source fit its system, and in which of two orders they are.
 
-use insula_source::problems::{EITHER_ORDER, OUTSIDE, SWAPPED};
-use std::str::FromStr;
-
-use glob::{MatchOptions, Pattern};
-
 use super::first_shape::FirstShape;
 use super::input::{Habit, SourceInput};
 use super::likely::{self, Region};
 use crate::crs;
 use crate::crs::{Area, Axes, System};
+use glob::{MatchOptions, Pattern};
 use insula_source::error::InputError;
 use insula_source::object::AxisOrder;
+use insula_source::problems::{EITHER_ORDER, OUTSIDE, SWAPPED};
+use std::str::FromStr;
 
 /// A source may reach so far beyond the area of use of its system, which is in whole degrees.
 const REACH_DEG: f64 = 1.5;

@@ -1,14 +1,12 @@
 //! Tests of placements. Expected positions are of pyproj 3.7.2 (PROJ 9.5.1); the call is beside each.
 
-use insula_source::problems::{OUTSIDE, SWAPPED};
-use std::path::PathBuf;
-
 use super::{AxisOrders, FirstShape, Placement, World};
 use crate::PlacingOptions;
 use insula_source::error::InputError;
 use insula_source::object::{AxisOrder, CrsReference};
-use insula_source::problems::EITHER_ORDER;
+use insula_source::problems::{EITHER_ORDER, OUTSIDE, SWAPPED};
 use insula_source::units::HeightUnit;
+use std::path::PathBuf;
 
 fn reference(name: &str, order: AxisOrder) -> CrsReference {
     CrsReference { name: name.to_owned(), order, height_unit_m: None }

@@ -1,14 +1,12 @@
 //! Positions of a source to positions of the world.
 
-use std::sync::Arc;
-
-use proj4rs::Proj;
-use proj4rs::adaptors::transform_vertex_2d;
-
 use super::earth::Geodetic;
 use super::input::{SourceInput, is_on_earth};
 use crate::crs::System;
 use crate::crs::geoid::Geoid;
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
+use std::sync::Arc;
 
 /// Projected positions farther from the origin than this are faults.
 const MAX_PROJECTED_M: f64 = 1e8;

@@ -1,10 +1,5 @@
 //! The city's coordinate system.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
-use proj4rs::Proj;
-
 use super::earth::Geodetic;
 use super::first_shape::FirstShape;
 use super::input::{Habit, SourceInput, WGS84, origin_without_geoid};
@@ -12,14 +7,16 @@ use super::likely::Region;
 use super::order::{AxisOrders, FAR_DEG};
 use super::transform::Transform;
 use super::{Placed, Placement, national};
-use crate::PlacingOptions;
-use crate::crs;
 use crate::crs::geoid::{Geoid, GridFolder};
 use crate::crs::{Crs, CrsError, Definition, System, Vertical, VerticalDatum};
 use crate::earth_place::EarthPlace;
+use crate::{PlacingOptions, crs};
 use insula_source::error::InputError;
 use insula_source::object::{AxisOrder, CrsReference};
 use insula_source::units::HeightUnit;
+use proj4rs::Proj;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Latitudes for which UTM is defined.
 const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;

@@ -1,10 +1,8 @@
 //! Converts models to meshes with quantised values, and back.
 
 use super::triangle_model::{CornerLayer, NO_VALUE, TriangleModel};
-use insula_protocol::{
-    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
-    octahedral,
-};
+use insula_protocol::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
+use insula_protocol::octahedral;
 
 /// Bits of a colour component, and of each half of a normal.
 const BYTE: u8 = 8;

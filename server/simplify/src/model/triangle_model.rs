@@ -1,7 +1,8 @@
 //! Triangles with the values that their corners carry.
 
 use insula_protocol::mesh::AttributeKind;
-use std::{collections::HashMap, path::Path};
+use std::collections::HashMap;
+use std::path::Path;
 
 /// Largest number of vertices or triangles.
 pub const MAX_COUNT: usize = 1 << 24;

@@ -37,9 +37,8 @@ use crate::model::TriangleModel;
 use collapsible_mesh::VertexConstraint;
 use glam::DVec3;
 use insula_protocol::mesh::half_edge::{HalfEdgeMesh, RepairReport};
-use simplifier::Simplifier;
-
 pub use simplifier::Goal;
+use simplifier::Simplifier;
 pub use within::{largest_distance, simplify_within};
 
 /// The result of a simplification.

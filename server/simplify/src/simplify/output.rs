@@ -1,12 +1,11 @@
 //! The simplified mesh as a model.
 
-use super::{
-    collapsible_mesh::{CollapsibleMesh, VertexConstraint},
-    wedges::WedgeValues,
-};
+use super::collapsible_mesh::{CollapsibleMesh, VertexConstraint};
+use super::wedges::WedgeValues;
 use crate::model::{CornerLayer, NO_VALUE, TriangleModel};
 use glam::DVec3;
-use insula_protocol::mesh::{AttributeKind, half_edge::NONE};
+use insula_protocol::mesh::AttributeKind;
+use insula_protocol::mesh::half_edge::NONE;
 use std::collections::HashMap;
 
 /// The remaining triangles. Fixed vertices get the exact positions of the input, and those that were cut apart are

@@ -5,13 +5,11 @@
 //! change within the round waits for the next one. An edge whose last known cost was above the limit of the previous
 //! round is not evaluated again, because edges only become more expensive.
 
-use super::{
-    collapsible_mesh::{CollapsibleMesh, VertexConstraint, edges_of, next, prev},
-    edge_queue::EdgeQueue,
-    parts::RemovablePart,
-    quadric::Quadric,
-    wedges::WedgeValues,
-};
+use super::collapsible_mesh::{CollapsibleMesh, VertexConstraint, edges_of, next, prev};
+use super::edge_queue::EdgeQueue;
+use super::parts::RemovablePart;
+use super::quadric::Quadric;
+use super::wedges::WedgeValues;
 use crate::model::TriangleModel;
 use glam::DVec3;
 use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE};

@@ -1,10 +1,8 @@
 //! Tests of whole simplifications: goals are reached, and topology, borders and seams are kept.
 
 use super::*;
-use crate::{
-    model::{CornerLayer, NO_VALUE},
-    surface::Surface,
-};
+use crate::model::{CornerLayer, NO_VALUE};
+use crate::surface::Surface;
 use insula_protocol::mesh::AttributeKind;
 
 /// A sphere of radius 10 with `n` quads around, each split into two triangles.

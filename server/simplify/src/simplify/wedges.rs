@@ -2,10 +2,12 @@
 //!
 //! Where two wedges of a vertex meet at an edge, the attributes have a seam.
 
-use super::{quadric::Quadric, texture_quadric::TextureQuadric};
+use super::quadric::Quadric;
+use super::texture_quadric::TextureQuadric;
 use crate::model::TriangleModel;
 use glam::DVec3;
-use insula_protocol::mesh::{AttributeKind, half_edge::HalfEdgeMesh};
+use insula_protocol::mesh::AttributeKind;
+use insula_protocol::mesh::half_edge::HalfEdgeMesh;
 use std::collections::HashMap;
 
 /// The attribute values of all wedges.

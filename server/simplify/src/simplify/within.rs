@@ -1,7 +1,8 @@
 //! Simplification within a distance that is measured, in both directions.
 
 use super::{Goal, Simplified, simplify};
-use crate::{model::TriangleModel, surface::Surface};
+use crate::model::TriangleModel;
+use crate::surface::Surface;
 
 /// Points on a surface that tell its distance from another one, besides the vertices.
 const SAMPLES: usize = 200_000;

@@ -1,8 +1,7 @@
 //! Numbers that JSON does not allow but some programs write: `NaN`, `Infinity` and numbers beyond f64.
 
-use std::io::{self, BufRead, Read};
-
 use serde::Deserialize;
+use std::io::{self, BufRead, Read};
 
 /// Parses JSON. If that fails, replaces numbers that JSON does not allow by `null` and tries again; `repaired` then
 /// holds the text. Fails if the text is still invalid.

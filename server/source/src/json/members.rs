@@ -1,9 +1,7 @@
 //! JSON objects whose members keep the order of the source, which `serde_json::Map` sorts by name.
 
-use serde::{
-    Deserialize, Deserializer,
-    de::{MapAccess, SeqAccess, Visitor},
-};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::{Number, Value};
 use std::fmt;
 

@@ -1,8 +1,7 @@
 //! Metadata of a JSON file: coordinate system, titles, attributions, licences.
 
-use serde_json::Value;
-
 use crate::object::{Description, ObjectSink};
+use serde_json::Value;
 
 /// Between a title and the attribution, which ends in a parenthesis.
 const DATA_MARK: &str = " (data: ";

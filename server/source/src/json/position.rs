@@ -1,9 +1,8 @@
 //! Positions as JSON arrays of numbers.
 
-use std::fmt;
-
 use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, SeqAccess, Visitor};
+use std::fmt;
 
 /// A position. A coordinate that is missing or null is NaN, so that it affects only the objects that use it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! Which options of `analyse` go together.
 
-use super::{super::error::CommandError, Files};
+use super::super::error::CommandError;
+use super::Files;
 use crate::args::{AnalyseArgs, Analysis};
 use insula_command_line::output::{FileKind, Outputs};
 use std::path::{Path, PathBuf};

@@ -1,29 +1,19 @@
 //! What `analyse` writes, and what it says of it.
 
-use super::{
-    super::{error::CommandError, output::print_result},
-    Files, Question,
-    checks::{is_flatgeobuf, is_geojson},
-    sheet,
-};
-use crate::{
-    analysis::{
-        answer::Answer,
-        regions::{areas, lon_lat},
-    },
-    args::Analysis,
-};
-use insula_analysis::{
-    buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table},
-    surface::CitySurface,
-};
+use super::super::error::CommandError;
+use super::super::output::print_result;
+use super::checks::{is_flatgeobuf, is_geojson};
+use super::{Files, Question, sheet};
+use crate::analysis::answer::Answer;
+use crate::analysis::regions::{areas, lon_lat};
+use crate::args::Analysis;
+use insula_analysis::buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table};
+use insula_analysis::surface::CitySurface;
 use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
-use insula_export::{
-    file::export_values,
-    format::{Format, Projections},
-    raster::{CellExtent, NODATA, write_raster},
-};
+use insula_export::file::export_values;
+use insula_export::format::{Format, Projections};
+use insula_export::raster::{CellExtent, NODATA, write_raster};
 use insula_protocol::text::{count, fixed, human_bytes, printable};
 use serde_json::json;
 use std::path::Path;

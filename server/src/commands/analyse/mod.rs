@@ -12,18 +12,21 @@ mod view;
 mod vista;
 
 use super::error::CommandError;
-use crate::{
-    analysis::answer::{Answer, grown},
-    args::{AnalyseArgs, Analysis},
-    proposal::Proposal,
-    store::{CityStore, StoredCity, StoredObjects},
-};
+use crate::analysis::answer::{Answer, grown};
+use crate::args::{AnalyseArgs, Analysis};
+use crate::proposal::Proposal;
+use crate::store::{CityStore, StoredCity, StoredObjects};
 use checks::{check_options, check_outputs};
 use files::write;
-use insula_analysis::{solar::YearOfSky, sun::Site, surface::CitySurface, weather::WeatherYear};
+use insula_analysis::solar::YearOfSky;
+use insula_analysis::sun::Site;
+use insula_analysis::surface::CitySurface;
+use insula_analysis::weather::WeatherYear;
 use insula_archive::file::read_limited;
 use insula_bake::read::EarthPlace;
-use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
+use insula_export::raster::CellExtent;
+use insula_export::source::ExportSource;
+use insula_export::table::ExportError;
 use progress::AnalysisProgress;
 use proposal::{AROUND_M, AfterProposal, between};
 use std::path::{Path, PathBuf};

@@ -2,11 +2,9 @@
 
 use super::super::bake_progress::LINE_INTERVAL;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::{
-    io::IsTerminal,
-    sync::Mutex,
-    time::{Duration, Instant},
-};
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 /// Shows how far an analysis is.
 pub(super) struct AnalysisProgress {

@@ -1,16 +1,12 @@
 //! What an analysis says of the change by a proposal.
 
 use super::super::error::CommandError;
-use crate::{
-    analysis::answer::Answer,
-    args::Analysis,
-    proposal::{Proposal, ProposedChange, ProposedObjects},
-};
-use insula_analysis::{
-    proposal::{SurfaceValues, change},
-    rays::CityTriangles,
-    surface::CitySurface,
-};
+use crate::analysis::answer::Answer;
+use crate::args::Analysis;
+use crate::proposal::{Proposal, ProposedChange, ProposedObjects};
+use insula_analysis::proposal::{SurfaceValues, change};
+use insula_analysis::rays::CityTriangles;
+use insula_analysis::surface::CitySurface;
 use insula_export::source::ExportSource;
 
 /// How far around a proposal values are computed.

@@ -1,12 +1,12 @@
 //! Shadows at the times of `--time` and `--times`.
 
-use super::{super::error::CommandError, Files};
-use crate::{analysis::answer::Answer, args::AnalyseArgs};
-use insula_analysis::{
-    clock::{Moment, TimeSystem},
-    sun::Site,
-    surface::CitySurface,
-};
+use super::super::error::CommandError;
+use super::Files;
+use crate::analysis::answer::Answer;
+use crate::args::AnalyseArgs;
+use insula_analysis::clock::{Moment, TimeSystem};
+use insula_analysis::sun::Site;
+use insula_analysis::surface::CitySurface;
 use std::path::{Path, PathBuf};
 
 /// Most times of one run: each is a file.

@@ -1,20 +1,20 @@
 //! The PDF sheet of an analysis: the plan of the city under the colours of the values.
 
-use super::{super::error::CommandError, Question};
-use crate::{
-    analysis::{answer::Answer, colors::Colors, samples::Samples},
-    args::Analysis,
-};
+use super::super::error::CommandError;
+use super::Question;
+use crate::analysis::answer::Answer;
+use crate::analysis::colors::Colors;
+use crate::analysis::samples::Samples;
+use crate::args::Analysis;
 use insula_analysis::surface::CitySurface;
-use insula_draw::{
-    DrawLimits, DrawRequest, draw,
-    file::{DrawingFormat, pdf_letters, write_drawing},
-    picture::{ValuePicture, lay, outline},
-    sheet::Paper,
-    style::Stylesheet,
-    view::DrawView,
-};
-use insula_export::{raster::CellExtent, selection::ObjectSelection};
+use insula_draw::file::{DrawingFormat, pdf_letters, write_drawing};
+use insula_draw::picture::{ValuePicture, lay, outline};
+use insula_draw::sheet::Paper;
+use insula_draw::style::Stylesheet;
+use insula_draw::view::DrawView;
+use insula_draw::{DrawLimits, DrawRequest, draw};
+use insula_export::raster::CellExtent;
+use insula_export::selection::ObjectSelection;
 use std::path::Path;
 
 /// Longest side of the picture in pixels. Larger areas show every second cell, or fewer.

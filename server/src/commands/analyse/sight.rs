@@ -1,18 +1,16 @@
 //! Lines of sight between the points of two tables.
 
-use super::{
-    super::{error::CommandError, output::print_result},
-    proposal::AfterProposal,
-    sun::{city_at, read_points},
-};
+use super::super::error::CommandError;
+use super::super::output::print_result;
+use super::proposal::AfterProposal;
+use super::sun::{city_at, read_points};
 use crate::args::AnalyseArgs;
-use insula_analysis::{
-    points::{Point, around},
-    sight::{MAX_LINES, sights, write_table},
-};
+use insula_analysis::points::{Point, around};
+use insula_analysis::sight::{MAX_LINES, sights, write_table};
 use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
-use insula_export::{source::ExportSource, table::ExportError};
+use insula_export::source::ExportSource;
+use insula_export::table::ExportError;
 use insula_protocol::text::{count, printable};
 use serde_json::json;
 use std::path::PathBuf;

@@ -1,34 +1,29 @@
 //! Hours of sun by a rule: of a whole city, and at the points of a table.
 
-use super::{
-    super::{error::CommandError, output::print_result},
-    files::summary,
-    proposal::AfterProposal,
-    site_of,
-};
-use crate::{
-    analysis::answer::{Answer, Progress, notes_of},
-    args::{AnalyseArgs, Analysis},
-};
+use super::super::error::CommandError;
+use super::super::output::print_result;
+use super::files::summary;
+use super::proposal::AfterProposal;
+use super::site_of;
+use crate::analysis::answer::{Answer, Progress, notes_of};
+use crate::args::{AnalyseArgs, Analysis};
 use image::ImageFormat;
-use insula_analysis::{
-    buildings::PlaceValues,
-    evidence::Evidence,
-    points::{Point, PointHeight, PointSun, around, parse_points, sun_at_points, write_table},
-    rays::CityTriangles,
-    rule::Rule,
-    sun::Site,
-    surface::CitySurface,
-};
-use insula_archive::{file::read_text, new_file::replace};
+use insula_analysis::buildings::PlaceValues;
+use insula_analysis::evidence::Evidence;
+use insula_analysis::points::{Point, PointHeight, PointSun, around, parse_points, sun_at_points, write_table};
+use insula_analysis::rays::CityTriangles;
+use insula_analysis::rule::Rule;
+use insula_analysis::sun::Site;
+use insula_analysis::surface::CitySurface;
+use insula_archive::file::read_text;
+use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
-use insula_export::{
-    source::ExportSource,
-    table::{ExportError, attribution},
-};
+use insula_export::source::ExportSource;
+use insula_export::table::{ExportError, attribution};
 use insula_protocol::text::{count, printable};
 use serde_json::json;
-use std::{io::Cursor, path::Path};
+use std::io::Cursor;
+use std::path::Path;
 
 /// How far around points the ground is read.
 const GROUND_M: f64 = 20.0;

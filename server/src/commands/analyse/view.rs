@@ -1,15 +1,12 @@
 //! View sheds: of a place, and of a planned building.
 
-use super::{super::error::CommandError, vista::vista};
-use crate::{
-    analysis::answer::{Answer, EYE_M, Progress},
-    area_file::read_polygons,
-    args::AnalyseArgs,
-};
-use insula_analysis::{
-    surface::CitySurface,
-    view_shed::{seen_from, share_seen},
-};
+use super::super::error::CommandError;
+use super::vista::vista;
+use crate::analysis::answer::{Answer, EYE_M, Progress};
+use crate::area_file::read_polygons;
+use crate::args::AnalyseArgs;
+use insula_analysis::surface::CitySurface;
+use insula_analysis::view_shed::{seen_from, share_seen};
 use insula_bake::read::EarthPlace;
 use std::path::Path;
 

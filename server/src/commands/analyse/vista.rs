@@ -1,11 +1,11 @@
 //! Protected vistas of a GeoJSON file, and what breaks into them.
 
 use super::super::error::CommandError;
-use crate::{analysis::answer::Answer, area_file::bring_to_map, proposal::Proposal};
-use insula_analysis::{
-    surface::CitySurface,
-    vista::{Vista, breaches, write_table},
-};
+use crate::analysis::answer::Answer;
+use crate::area_file::bring_to_map;
+use crate::proposal::Proposal;
+use insula_analysis::surface::CitySurface;
+use insula_analysis::vista::{Vista, breaches, write_table};
 use insula_archive::file::read_text;
 use insula_bake::read::EarthPlace;
 use insula_protocol::text::count;

@@ -1,34 +1,26 @@
 //! Which of a column's solids the rays of a packet meet, and what they see there. The scalar code is
 //! [`column`](crate::cpu::column) and [`solid`](crate::cpu::solid), to which columns with gaps or holes are left.
 
-use super::{
-    hits::{Hits, Segments},
-    lanes::{
-        F, FastExtremes, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of,
-        pairs, splat, splat_u, to_i, to_u,
-    },
-    node_rays::NodeRays,
-    objects::{ColumnFaces, ObjectWords},
+use super::hits::{Hits, Segments};
+use super::lanes::{
+    F, FastExtremes, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of, pairs,
+    splat, splat_u, to_i, to_u,
 };
-use crate::{
-    cpu::{
-        ray::{SUN_LIFT_CELLS, SceneRef},
-        walk::walk_column,
-        words::{azimuth_directions, codes_per_row},
-    },
-    layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE},
-    pack::{
-        AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
-        HEIGHT_MASK,
-    },
+use super::node_rays::NodeRays;
+use super::objects::{ColumnFaces, ObjectWords};
+use crate::cpu::ray::{SUN_LIFT_CELLS, SceneRef};
+use crate::cpu::walk::walk_column;
+use crate::cpu::words::{azimuth_directions, codes_per_row};
+use crate::layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE};
+use crate::pack::{
+    AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
+    HEIGHT_MASK,
 };
 use fearless_simd::prelude::*;
 use glam::IVec2;
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, flag},
-    texel::{AO_MAX, OPAQUE},
-};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, flag};
+use insula_protocol::texel::{AO_MAX, OPAQUE};
 
 /// The columns that rays have come to, in the lanes of `lanes`: their numbers, where the rays cross their cells, their words.
 pub(super) struct ColumnCrossing<S: Simd> {

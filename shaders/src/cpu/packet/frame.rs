@@ -3,22 +3,17 @@
 //! Each pixel has a ray through its centre, or near it: [`cast_centres`]. With several rays a pixel, the others follow: of all pixels,
 //! or of those that differ from a neighbour: [`finish_rows`]. The rays of a packet are those of one pixel or of neighbours.
 
-use super::{
-    lanes::{F, Vec3s, splat_u},
-    ray_packet::{FrameRay, PixelRows, RayPacket, blocks_of, in_blocks},
-    sky::airlight,
-    tone::encode_radiances,
-    trace::TracedRays,
-};
-use crate::{
-    cpu::{
-        instruction_set::InstructionSet,
-        ray::SceneRef,
-        raycast::{Pixel, Sampling, is_beside_other, pixel_word},
-    },
-    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
-};
-use fearless_simd::{Level, prelude::*};
+use super::lanes::{F, Vec3s, splat_u};
+use super::ray_packet::{FrameRay, PixelRows, RayPacket, blocks_of, in_blocks};
+use super::sky::airlight;
+use super::tone::encode_radiances;
+use super::trace::TracedRays;
+use crate::cpu::instruction_set::InstructionSet;
+use crate::cpu::ray::SceneRef;
+use crate::cpu::raycast::{Pixel, Sampling, is_beside_other, pixel_word};
+use crate::layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading};
+use fearless_simd::Level;
+use fearless_simd::prelude::*;
 use glam::Vec3;
 
 /// Squared length of the difference of normals from which neighbours differ: 8 degrees.

@@ -1,21 +1,17 @@
 //! The walk of a packet over the grid's squares. The scalar code is [`walk_grid`](crate::cpu::walk::walk_grid).
 
-use super::{
-    hits::{Hits, Segments},
-    lanes::{
-        F, FastExtremes, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs,
-        quadruples, splat, splat_i, splat_u, to_i, to_u,
-    },
-    mesh::walk_meshes,
-    node_walk::walk_node,
+use super::hits::{Hits, Segments};
+use super::lanes::{
+    F, FastExtremes, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs,
+    quadruples, splat, splat_i, splat_u, to_i, to_u,
 };
-use crate::{
-    cpu::ray::{MAX_STEPS, SceneRef},
-    grid::Z_TOP,
-    layout::{
-        FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK,
-        GRID_SHARE_MASK, GRID_SHARE_SHIFT,
-    },
+use super::mesh::walk_meshes;
+use super::node_walk::walk_node;
+use crate::cpu::ray::{MAX_STEPS, SceneRef};
+use crate::grid::Z_TOP;
+use crate::layout::{
+    FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK,
+    GRID_SHARE_MASK, GRID_SHARE_SHIFT,
 };
 use fearless_simd::prelude::*;
 

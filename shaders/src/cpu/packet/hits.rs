@@ -1,13 +1,9 @@
 //! Segments of the rays of a packet, and the surfaces that they hit.
 
 use super::lanes::{F, M, U, Vec3s, splat, splat_u};
-use crate::{
-    cpu::{
-        mesh::MeshHit,
-        ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
-    },
-    layout::NO_NODE,
-};
+use crate::cpu::mesh::MeshHit;
+use crate::cpu::ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef};
+use crate::layout::NO_NODE;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 

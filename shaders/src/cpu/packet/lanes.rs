@@ -1,12 +1,8 @@
 //! Values of all rays of a packet, and the arithmetic of [`fast_math`](crate::cpu::fast_math) on them.
 
-use crate::{
-    cpu::{
-        fast_math::{fast_max, fast_min},
-        ray::MIN_DIRECTION,
-    },
-    layout::PAGE_WORDS,
-};
+use crate::cpu::fast_math::{fast_max, fast_min};
+use crate::cpu::ray::MIN_DIRECTION;
+use crate::layout::PAGE_WORDS;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 

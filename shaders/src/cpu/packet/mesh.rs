@@ -2,23 +2,19 @@
 //!
 //! The packet visits a box if any of its rays meets it, the half first that the first of them enters first.
 
-use super::{
-    hits::{Hits, MeshHits, Segments, read_vec4},
-    lanes::{F, FastExtremes, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
-    mesh_surface::{MeshFacts, hit_triangles},
-    objects::ObjectWords,
-    pages::planes_at,
+use super::hits::{Hits, MeshHits, Segments, read_vec4};
+use super::lanes::{F, FastExtremes, M, Vec3s, always, lanes_of, nonzero, splat, splat_u};
+use super::mesh_surface::{MeshFacts, hit_triangles};
+use super::objects::ObjectWords;
+use super::pages::planes_at;
+use crate::cpu::landmark::triangle_stride;
+use crate::cpu::mesh::{
+    BOX_SLACK, EDGE_SLACK, MeshHit, TIE_M, TIE_SHARE, hit_triangle, unpack_corners, walk_mesh, wins_tie,
 };
-use crate::{
-    cpu::{
-        landmark::triangle_stride,
-        mesh::{BOX_SLACK, EDGE_SLACK, MeshHit, TIE_M, TIE_SHARE, hit_triangle, unpack_corners, walk_mesh, wins_tie},
-        ray::SceneRef,
-        words::halves,
-    },
-    layout::{DrawNode, Shading},
-    mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK},
-};
+use crate::cpu::ray::SceneRef;
+use crate::cpu::words::halves;
+use crate::layout::{DrawNode, Shading};
+use crate::mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK};
 use fearless_simd::prelude::*;
 use glam::Vec3;
 

@@ -1,32 +1,24 @@
 //! The surface of a mesh that the rays of a packet hit. The scalar code is `hit_triangle` of [`mesh`](crate::cpu::mesh), and
 //! [`mesh_surface`](crate::cpu::mesh_surface).
 
-use super::{
-    hits::{Hits, MeshHits, Segments, read_vec4},
-    lanes::{
-        F, FastExtremes, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of,
-        quadruples, splat, splat_u, whole,
-    },
-    objects::ObjectWords,
-    shade::{linear_of, normalize_or},
+use super::hits::{Hits, MeshHits, Segments, read_vec4};
+use super::lanes::{
+    F, FastExtremes, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of,
+    quadruples, splat, splat_u, whole,
 };
-use crate::{
-    cpu::{
-        mesh::{MESH_LIFT_M, MESH_LIFT_SHARE, TextureHit, texture_colour},
-        mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
-        ray::SceneRef,
-        words::{codes_per_row, halves},
-    },
-    layout::{ADDED_LEVEL, DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
-    mesh::LEAF_OFFSET_STEPS,
-    pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
-};
+use super::objects::ObjectWords;
+use super::shade::{linear_of, normalize_or};
+use crate::cpu::mesh::{MESH_LIFT_M, MESH_LIFT_SHARE, TextureHit, texture_colour};
+use crate::cpu::mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO};
+use crate::cpu::ray::SceneRef;
+use crate::cpu::words::{codes_per_row, halves};
+use crate::layout::{ADDED_LEVEL, DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE};
+use crate::mesh::LEAF_OFFSET_STEPS;
+use crate::pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK};
 use fearless_simd::prelude::*;
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::flag,
-    texel::{AO_MAX, OPAQUE},
-};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
+use insula_protocol::texel::{AO_MAX, OPAQUE};
 
 /// The columns that a mesh replaces.
 struct CoveredColumns<'a, S: Simd> {

@@ -1,17 +1,11 @@
 //! How the rays of a packet enter a node. The scalar code is [`enter_node`](crate::cpu::node::enter_node).
 
-use super::{
-    hits::Segments,
-    lanes::{F, FastExtremes, I, M, Vec2s, Vec3s, nonzero, splat, splat_i},
-    pages::planes_at,
-};
-use crate::{
-    cpu::{
-        node::planes_of,
-        ray::{NodeRay, SceneRef},
-    },
-    layout::{DrawNode, NODE_BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS},
-};
+use super::hits::Segments;
+use super::lanes::{F, FastExtremes, I, M, Vec2s, Vec3s, nonzero, splat, splat_i};
+use super::pages::planes_at;
+use crate::cpu::node::planes_of;
+use crate::cpu::ray::{NodeRay, SceneRef};
+use crate::layout::{DrawNode, NODE_BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 use insula_protocol::NODE_CELLS;

@@ -3,24 +3,22 @@
 //! A ray's place is the edges at which it leaves its block or cell, and the number of that. Numbers of blocks have a free bit above
 //! x and one above y, which are set outside of the node.
 
-use super::{
-    column::{ColumnCrossing, hit_columns},
-    hits::{Hits, Segments},
-    lanes::{
-        F, FastExtremes, I, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, quadruples,
-        splat, splat_i, splat_u, to_u,
-    },
-    node_rays::{NodeRays, NodeWords},
+use super::column::{ColumnCrossing, hit_columns};
+use super::hits::{Hits, Segments};
+use super::lanes::{
+    F, FastExtremes, I, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, quadruples,
+    splat, splat_i, splat_u, to_u,
 };
-use crate::{
-    cpu::{ray::SceneRef, walk},
-    layout::{
-        BLOCK_CELLS, DrawNode, NODE_BLOCKS, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX, SUMMARY_BYTE_SHIFT, WALK_PLANE,
-    },
-    pack::{FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
+use super::node_rays::{NodeRays, NodeWords};
+use crate::cpu::ray::SceneRef;
+use crate::cpu::walk;
+use crate::layout::{
+    BLOCK_CELLS, DrawNode, NODE_BLOCKS, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX, SUMMARY_BYTE_SHIFT, WALK_PLANE,
 };
+use crate::pack::{FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK};
 use fearless_simd::prelude::*;
-use insula_protocol::{NODE_CELLS, blockmap::flag};
+use insula_protocol::NODE_CELLS;
+use insula_protocol::blockmap::flag;
 
 /// Words of a row of blocks, in numbers of blocks.
 const BLOCK_ROW: i32 = 2 * NODE_BLOCKS as i32;

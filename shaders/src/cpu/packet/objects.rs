@@ -1,13 +1,9 @@
 //! Objects of what the rays of a packet hit. The scalar code is [`objects`](crate::cpu::objects).
 
-use super::{
-    lanes::{M, U, Vec3s, gather_where, has, splat_u},
-    shade::linear_of,
-};
-use crate::{
-    cpu::ray::SceneRef,
-    layout::{DrawNode, OBJECT_BITS, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN},
-};
+use super::lanes::{M, U, Vec3s, gather_where, has, splat_u};
+use super::shade::linear_of;
+use crate::cpu::ray::SceneRef;
+use crate::layout::{DrawNode, OBJECT_BITS, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN};
 use fearless_simd::prelude::*;
 
 /// The objects that rays hit.

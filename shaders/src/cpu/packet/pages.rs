@@ -1,10 +1,8 @@
 //! Pages of the atlas whose words packets read without testing each place.
 
 use super::lanes::map4;
-use crate::{
-    cpu::node::planes_of,
-    layout::{DrawNode, PAGE_WORDS, PLANES},
-};
+use crate::cpu::node::planes_of;
+use crate::layout::{DrawNode, PAGE_WORDS, PLANES};
 
 /// The words of a page that begins at `first`: zeros beyond the end of the atlas, and `None` if that is within the page.
 #[inline(always)]

@@ -1,15 +1,12 @@
 //! The rays of a packet: their pixels, directions, and points of the sun.
 
-use super::{
-    lanes::{F, M, U, Vec2s, Vec3s, always, float_u, lane_numbers, lanes_of, splat, splat_u},
-    shade::normalize_or,
-    trace::{TracedRays, trace},
-};
-use crate::{
-    cpu::{ray::SceneRef, raycast::sun_axes},
-    layout::{FrameUniform, GOLDEN_TURN},
-    tone::gradient_noise,
-};
+use super::lanes::{F, M, U, Vec2s, Vec3s, always, float_u, lane_numbers, lanes_of, splat, splat_u};
+use super::shade::normalize_or;
+use super::trace::{TracedRays, trace};
+use crate::cpu::ray::SceneRef;
+use crate::cpu::raycast::sun_axes;
+use crate::layout::{FrameUniform, GOLDEN_TURN};
+use crate::tone::gradient_noise;
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;

@@ -2,17 +2,13 @@
 //!
 //! Only surfaces without stones, reflections and lit windows in [`Shading::Lit`](crate::layout::Shading::Lit).
 
-use super::{
-    hits::Hits,
-    lanes::{F, FastExtremes, U, Vec3s, always, float_u, splat, to_u},
+use super::hits::Hits;
+use super::lanes::{F, FastExtremes, U, Vec3s, always, float_u, splat, to_u};
+use crate::cpu::fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN};
+use crate::cpu::shade::{
+    FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
 };
-use crate::{
-    cpu::{
-        fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN},
-        shade::{FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, POWER_HIGH, POWER_LOW, ZENITH_SHARE},
-    },
-    layout::FrameUniform,
-};
+use crate::layout::FrameUniform;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 

@@ -1,22 +1,16 @@
 //! The sky, the plane where there is no column, and the air before surfaces, for the rays of a packet. The scalar code is
 //! [`shade`](crate::cpu::shade).
 
-use super::{
-    lanes::{
-        F, FastExtremes, I, M, U, Vec3s, always, float, lanes_of, map4, quadruples, splat, splat_i, splat_u, to_u,
-    },
-    shade::{Radiances, apply_haze},
+use super::lanes::{
+    F, FastExtremes, I, M, U, Vec3s, always, float, lanes_of, map4, quadruples, splat, splat_i, splat_u, to_u,
 };
-use crate::{
-    atmosphere::{MIE_G, PHASE_SCALE},
-    cpu::{
-        night::{moon, stars},
-        shade::{DISC, DISC_INNER, DISC_OUTER, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected},
-        surface::rgb,
-    },
-    layout::{FrameUniform, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
-    light::SKY_LOW,
-};
+use super::shade::{Radiances, apply_haze};
+use crate::atmosphere::{MIE_G, PHASE_SCALE};
+use crate::cpu::night::{moon, stars};
+use crate::cpu::shade::{DISC, DISC_INNER, DISC_OUTER, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected};
+use crate::cpu::surface::rgb;
+use crate::layout::{FrameUniform, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable};
+use crate::light::SKY_LOW;
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 

@@ -1,30 +1,24 @@
 //! Colour and gloss of stones at the points of a packet. The scalar code is [`stone`](crate::cpu::stone).
 
-use super::{
-    hits::Hits,
-    lanes::{F, M, Vec2s, Vec3s, always, first_lane, float_u, splat, splat_u},
-    noise::{
-        NoiseSums, Noises, Octaves, cells_of, lerp, lerp3, next_octave, noise_where, octave_share, one_where, parts_of,
-        scramble, sum_octaves, word,
-    },
-    shade::unit_normal,
+use super::hits::Hits;
+use super::lanes::{F, M, Vec2s, Vec3s, always, first_lane, float_u, splat, splat_u};
+use super::noise::{
+    NoiseSums, Noises, Octaves, cells_of, lerp, lerp3, next_octave, noise_where, octave_share, one_where, parts_of,
+    scramble, sum_octaves, word,
 };
-use crate::{
-    cpu::{
-        mesh::MIN_COSINE,
-        noise::{NOISE_DENSITY, NOISE_DENSITY_BEND},
-        raycast::{pixel_m, stone_numbered},
-        stone::{
-            BED_FLATNESS, BEND_FREQUENCY, BENT_SLOPE, BROAD_LACUNARITY, CRINKLE, CRINKLE_FREQUENCY, FIBRE_LENGTH,
-            FIBRE_WIDTH, FINE_LACUNARITY, FINE_WIDTH, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, GRANITE_PERSISTENCE,
-            LIMESTONE_GRAINS, MICA_FREQUENCY, MIN_WIDTH, PATINA_ALPHA, PATINA_CREASES, PATINA_F0, PATINA_HEIGHT,
-            PATINA_NOISE, PATINA_OPEN, PATINA_TARNISH, PATINA_UPWARDS, PLACE_CONTRAST, PLACE_FREQUENCY, RAMP_RANGE,
-            StoneSurface, VEIN_FALL, VEIN_STRETCH, WIDTH_VARIATION, tangent_of,
-        },
-    },
-    layout::FrameUniform,
-    stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind},
+use super::shade::unit_normal;
+use crate::cpu::mesh::MIN_COSINE;
+use crate::cpu::noise::{NOISE_DENSITY, NOISE_DENSITY_BEND};
+use crate::cpu::raycast::{pixel_m, stone_numbered};
+use crate::cpu::stone::{
+    BED_FLATNESS, BEND_FREQUENCY, BENT_SLOPE, BROAD_LACUNARITY, CRINKLE, CRINKLE_FREQUENCY, FIBRE_LENGTH, FIBRE_WIDTH,
+    FINE_LACUNARITY, FINE_WIDTH, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, GRANITE_PERSISTENCE, LIMESTONE_GRAINS,
+    MICA_FREQUENCY, MIN_WIDTH, PATINA_ALPHA, PATINA_CREASES, PATINA_F0, PATINA_HEIGHT, PATINA_NOISE, PATINA_OPEN,
+    PATINA_TARNISH, PATINA_UPWARDS, PLACE_CONTRAST, PLACE_FREQUENCY, RAMP_RANGE, StoneSurface, VEIN_FALL, VEIN_STRETCH,
+    WIDTH_VARIATION, tangent_of,
 };
+use crate::layout::FrameUniform;
+use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 
@@ -360,10 +354,9 @@ impl<S: Simd> Evaluation<'_, S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        cpu::{instruction_set::InstructionSet, stone::stone_surface},
-        stone::PRESETS,
-    };
+    use crate::cpu::instruction_set::InstructionSet;
+    use crate::cpu::stone::stone_surface;
+    use crate::stone::PRESETS;
     use fearless_simd::Level;
     use insula_test_support::rng::Rng;
 

@@ -4,16 +4,15 @@ use super::lanes::{
     F, FastExtremes, I, U, Vec3s, always, float, float_u, lane_numbers, pairs, splat, splat_i, splat_u, to_i, to_u,
     whole,
 };
-use crate::{
-    atmosphere::LUMINANCE,
-    cpu::instruction_set::InstructionSet,
-    tone::{
-        AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_LAST, CURVE_MIN, CURVE_SHIFT, DisplayTable, DisplayTables,
-        EXPONENT_BIAS, MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_EDGES, METER_LEAST,
-        METER_MIN_LOG2, MeterCounts, NEUTRAL_DESATURATION, NEUTRAL_START, NOISE, ROLL_OFF,
-    },
+use crate::atmosphere::LUMINANCE;
+use crate::cpu::instruction_set::InstructionSet;
+use crate::tone::{
+    AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_LAST, CURVE_MIN, CURVE_SHIFT, DisplayTable, DisplayTables,
+    EXPONENT_BIAS, MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_EDGES, METER_LEAST,
+    METER_MIN_LOG2, MeterCounts, NEUTRAL_DESATURATION, NEUTRAL_START, NOISE, ROLL_OFF,
 };
-use fearless_simd::{Level, prelude::*};
+use fearless_simd::Level;
+use fearless_simd::prelude::*;
 use glam::{Mat3, Vec3};
 
 /// [`encode_radiance`](crate::tone::encode_radiance).

@@ -1,27 +1,21 @@
 //! Rays of a packet from the eye to a surface, and from there towards the sun. The scalar code is `trace` of
 //! [`raycast`](crate::cpu::raycast).
 
-use super::{
-    grid_walk::walk_grid,
-    hits::{Hits, Segments},
-    lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u},
-    mesh::walk_meshes,
-    shade::{Radiances, apply_haze, linear_of, reflected, unit_normal},
-    sky::{background, ground_distance},
-    stone::stones_of,
-};
-use crate::{
-    cpu::{
-        night::lamp_light,
-        ray::{RayHit, SUN_LIFT_M, SceneRef},
-        raycast::radiance_with,
-        sea::sea_share,
-        shade::{Airlight, SurfaceSample, background as scalar_background},
-    },
-    layout::{FrameUniform, PALETTE_OUTLINED, Shading},
-    mesh::ORIGINS_PER_M,
-    stone::Stone,
-};
+use super::grid_walk::walk_grid;
+use super::hits::{Hits, Segments};
+use super::lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u};
+use super::mesh::walk_meshes;
+use super::shade::{Radiances, apply_haze, linear_of, reflected, unit_normal};
+use super::sky::{background, ground_distance};
+use super::stone::stones_of;
+use crate::cpu::night::lamp_light;
+use crate::cpu::ray::{RayHit, SUN_LIFT_M, SceneRef};
+use crate::cpu::raycast::radiance_with;
+use crate::cpu::sea::sea_share;
+use crate::cpu::shade::{Airlight, SurfaceSample, background as scalar_background};
+use crate::layout::{FrameUniform, PALETTE_OUTLINED, Shading};
+use crate::mesh::ORIGINS_PER_M;
+use crate::stone::Stone;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 use insula_protocol::blockmap::flag;

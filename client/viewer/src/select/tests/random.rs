@@ -1,7 +1,8 @@
 //! Random cities, arrivals, failures, evictions, cameras, budgets and hits.
 
 use super::*;
-use crate::{scene::TileState, select::transitions::Transitions};
+use crate::scene::TileState;
+use crate::select::transitions::Transitions;
 use insula_protocol::TileKind;
 use insula_test_support::rng::Rng;
 

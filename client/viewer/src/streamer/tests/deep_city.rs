@@ -1,17 +1,14 @@
 //! A city of 20 levels, full everywhere: more nodes than any memory holds.
 
 use super::super::*;
-use crate::{
-    cache::{PackedTile, tests::NoAtlas},
-    camera::Camera,
-    decode::DecodedTile,
-    scene::MAX_SUBTREE_BYTES,
-};
+use crate::cache::PackedTile;
+use crate::cache::tests::NoAtlas;
+use crate::camera::Camera;
+use crate::decode::DecodedTile;
+use crate::scene::MAX_SUBTREE_BYTES;
 use glam::DVec3;
-use insula_protocol::{
-    BlockMap, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn},
-};
+use insula_protocol::blockmap::{COLUMNS, MapColumn};
+use insula_protocol::{BlockMap, Texel, TileId};
 use insula_test_support::small_city::{empty_manifest, full_subtree};
 use std::collections::{HashSet, VecDeque};
 

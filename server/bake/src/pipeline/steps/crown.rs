@@ -1,30 +1,21 @@
 //! `crown`: bakes the levels above the regions' roots.
 
-use std::{collections::HashSet, fs};
-
+use super::job::BakeSteps;
+use super::layout::CityPlan;
+use super::region;
+use super::region_file::{self, INDEX_KIND, TileEntry, TileIndex, index_name};
+use super::scan::scratch_folder;
+use crate::error::BakeError;
+use crate::pipeline::context::{FinishedTiles, TileContext};
+use crate::pipeline::far_land::FarLand;
+use crate::pipeline::parents;
+use crate::report::ResumeStatus;
+use crate::write::tile_bytes::PackedTiles;
+use crate::write::tile_pack::{self, EncodedTile, PackId, PackNodes, StoredTile};
+use crate::write::tile_tree::TileTree;
 use insula_protocol::TileId;
-
-use super::{
-    job::BakeSteps,
-    layout::CityPlan,
-    region,
-    region_file::{self, INDEX_KIND, TileEntry, TileIndex, index_name},
-    scan::scratch_folder,
-};
-use crate::{
-    error::BakeError,
-    pipeline::{
-        context::{FinishedTiles, TileContext},
-        far_land::FarLand,
-        parents,
-    },
-    report::ResumeStatus,
-    write::{
-        tile_bytes::PackedTiles,
-        tile_pack::{self, EncodedTile, PackId, PackNodes, StoredTile},
-        tile_tree::TileTree,
-    },
-};
+use std::collections::HashSet;
+use std::fs;
 
 /// Folder of the crown's objects in the store.
 pub(super) const FOLDER: &str = "crown";

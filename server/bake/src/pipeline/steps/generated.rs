@@ -1,22 +1,18 @@
 //! Tiles that a rule makes instead of the regions and the crown, for measurements of the join.
 
-use std::{fs::File, io::Write};
-
-use insula_protocol::{TileId, subtree::NodeDeviation};
-
-use super::{
-    crown,
-    job::BakeSteps,
-    layout::{PLAN, PLAN_KIND},
-    region,
-    region_file::{INDEX_KIND, TileEntry, TileIndex, index_name},
-    scan::{put_file, scratch_folder},
-};
-use crate::{
-    error::BakeError,
-    hash::short_hash,
-    write::{archive::archive_order, tile_pack::StoredTile},
-};
+use super::job::BakeSteps;
+use super::layout::{PLAN, PLAN_KIND};
+use super::region_file::{INDEX_KIND, TileEntry, TileIndex, index_name};
+use super::scan::{put_file, scratch_folder};
+use super::{crown, region};
+use crate::error::BakeError;
+use crate::hash::short_hash;
+use crate::write::archive::archive_order;
+use crate::write::tile_pack::StoredTile;
+use insula_protocol::TileId;
+use insula_protocol::subtree::NodeDeviation;
+use std::fs::File;
+use std::io::Write;
 
 impl BakeSteps<'_> {
     /// Replaces the plan by that of a square city without objects, and writes the results of all regions and the crown: tiles of random

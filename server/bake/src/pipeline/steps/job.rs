@@ -1,23 +1,19 @@
 //! A bake in steps: what is baked, how, and in which chunks.
 
-use std::path::PathBuf;
-
-use insula_archive::places::KeptFolder;
-use serde::{Deserialize, Serialize};
-
-use super::{
-    layout::{CityPlan, JOINED, RESULTS},
-    owned::OwnedStore,
-    sealed::{Removed, SealedStore},
-    work::WorkStore,
-};
+use super::layout::{CityPlan, JOINED, RESULTS};
+use super::owned::OwnedStore;
+use super::sealed::{Removed, SealedStore};
+use super::work::WorkStore;
 use crate::config::{ALGORITHM, BakeConfig, BakeOptions};
 use crate::error::BakeError;
 use crate::hash::short_hex;
 use crate::progress::Progress;
 use crate::read::{FarModels, ListedInputs};
 use crate::write::ownership::{check_inputs, check_place};
+use insula_archive::places::KeptFolder;
 use insula_source::error::InputError;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Name of the job's object.
 pub(super) const JOB: &str = "job.json";

@@ -3,43 +3,31 @@
 //! The plan reads the indexes of all regions, and knows every byte of the archives but those of the tiles. Parts of the archives are copied
 //! by any number of machines, and completed in the end.
 
-use insula_scratch::record_list::{RecordList, RecordScratch};
-use std::{
-    collections::{HashMap, HashSet},
-    fs,
-    path::Path,
-};
-
-use insula_archive::{
-    city::MANIFEST_FILE,
-    mark::{MARK_AT, mark_of},
-};
+use super::job::BakeSteps;
+use super::layout::{CityPlan, JOINED, OWN_RECORDS, REPORT, REPORT_KIND, ROWS_KIND, rows_name};
+use super::region;
+use super::region_file::{INDEX_KIND, TileIndex, index_name};
+use super::scan::{fetch, put_file, records_name, scratch_folder};
+use super::sealed::{Removed, SealedKind};
+use super::store_tiles::{CROWN, CityTiles, StoreTiles, folder_of};
+use super::work::PartPiece;
+use crate::error::BakeError;
+use crate::read::{self, ReadReport};
+use crate::scene::object_numbers::NumberedObject;
+use crate::write::archive::{self, ArchiveLayout, ListedTile, WrittenArchive, archive_order};
+use crate::write::city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives};
+use crate::write::mesh_pack::StoredMesh;
+use crate::write::objects::NumberedRecords;
+use crate::write::tile_pack::{PackId, StoredTile};
+use crate::write::tile_tree::TileTree;
+use insula_archive::city::MANIFEST_FILE;
+use insula_archive::mark::{MARK_AT, mark_of};
 use insula_protocol::{TileId, mesh_tile};
+use insula_scratch::record_list::{RecordList, RecordScratch};
 use serde::{Deserialize, Serialize};
-
-use super::{
-    job::BakeSteps,
-    layout::{CityPlan, JOINED, OWN_RECORDS, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
-    region,
-    region_file::{INDEX_KIND, TileIndex, index_name},
-    scan::{fetch, put_file, records_name, scratch_folder},
-    sealed::{Removed, SealedKind},
-    store_tiles::{CROWN, CityTiles, StoreTiles, folder_of},
-    work::PartPiece,
-};
-use crate::{
-    error::BakeError,
-    read::{self, ReadReport},
-    scene::object_numbers::NumberedObject,
-    write::{
-        archive::{self, ArchiveLayout, ListedTile, WrittenArchive, archive_order},
-        city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
-        mesh_pack::StoredMesh,
-        objects::NumberedRecords,
-        tile_pack::{PackId, StoredTile},
-        tile_tree::TileTree,
-    },
-};
+use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::path::Path;
 
 /// Folder of the city in the store.
 pub(super) const CITY: &str = "city";

@@ -1,22 +1,16 @@
 //! What the plan decides: the grid and its regions, and what becomes of each object.
 
-use std::collections::HashMap;
-
+use crate::ground::GroundReport;
+use crate::hash::ShortHash;
+use crate::read::LandFacts;
+use crate::scene::ObjectKind;
+use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
+use crate::scene::partition::BlockSquare;
+use crate::scene::texture_store::TextureFacts;
+use crate::write::city::SceneFacts;
 use insula_protocol::TileId;
 use serde::{Deserialize, Serialize};
-
-use crate::{
-    ground::GroundReport,
-    hash::ShortHash,
-    read::LandFacts,
-    scene::{
-        ObjectKind,
-        grid::{BLOCK_LEAVES, CityGrid},
-        partition::BlockSquare,
-        texture_store::TextureFacts,
-    },
-    write::city::SceneFacts,
-};
+use std::collections::HashMap;
 
 /// Folders of what the steps of one job write, which no other job uses.
 pub(super) const RESULTS: [&str; 8] = ["temporary", "scan", "plan", "shuffle", "region", "crown", "join", "parts"];

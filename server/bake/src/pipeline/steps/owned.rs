@@ -4,14 +4,12 @@
 //! line [`RECORD`], then a line for each part, with its length and its BLAKE3 hash. If an object is there that is replaced, its lines follow
 //! after an empty one: a step that is killed may leave either. Only what is recorded and unchanged is ever removed or replaced.
 
-use std::{io, path::Path};
-
-use insula_archive::{owned::FileMark, places::WORK_FILE};
-
-use super::{
-    layout::FOLDERS,
-    work::{PartPiece, WorkStore},
-};
+use super::layout::FOLDERS;
+use super::work::{PartPiece, WorkStore};
+use insula_archive::owned::FileMark;
+use insula_archive::places::WORK_FILE;
+use std::io;
+use std::path::Path;
 
 /// Content of the marker.
 const MARKER: &[u8] = b"Insula keeps results of `bake --work` here, and removes those that are listed in `list`.\n";

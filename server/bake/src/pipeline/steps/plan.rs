@@ -1,41 +1,31 @@
 //! `plan`: decides everything that depends on the whole city.
 
-use insula_scratch::record_list::RecordList;
-use std::{
-    collections::{BTreeSet, HashMap, HashSet},
-    fs,
-    path::Path,
+use super::job::BakeSteps;
+use super::layout::{
+    CHUNK_KIND, CityPlan, NUMBERS_KIND, NumberedShape, OWN_RECORDS, OWN_TRIANGLES, PLAN, PLAN_KIND, PlannedChunk,
+    PlannedLandmark, PlannedMaterial, PlannedObject, PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT,
+    chunk_name, numbers_name, rows_name,
 };
-
+use super::scan::{fetch, picture_name, put_file, scratch_folder, shapes_name, triangles_name};
+use super::sealed::SealedStore;
+use crate::error::BakeError;
+use crate::ground::{self, GroundOption, GroundReport};
+use crate::hash::ShortHash;
+use crate::pipeline::far_land::MAX_CELL_M;
+use crate::pipeline::hashed::city_grid;
+use crate::read::{LandFacts, PartsCity, RECORDS, SceneParts};
+use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
+use crate::scene::object_numbers::{IdentityKey, NumberedObject, ObjectNumbers};
+use crate::scene::partition::{on_lattice, touched_blocks};
+use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredObject};
+use crate::scene::texture_store::texture_path;
+use crate::scene::{Landmark, ObjectKind, triangle_store};
+use crate::write::city::SceneFacts;
 use insula_protocol::TileId;
-
-use super::{
-    job::BakeSteps,
-    layout::{
-        CHUNK_KIND, CityPlan, NUMBERS_KIND, NumberedShape, OWN_RECORDS, OWN_TRIANGLES, PLAN, PLAN_KIND, PlannedChunk,
-        PlannedLandmark, PlannedMaterial, PlannedObject, PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND,
-        ROWS_PER_OBJECT, chunk_name, numbers_name, rows_name,
-    },
-    scan::{fetch, picture_name, put_file, scratch_folder, shapes_name, triangles_name},
-    sealed::SealedStore,
-};
-use crate::{
-    error::BakeError,
-    ground::{self, GroundOption, GroundReport},
-    hash::ShortHash,
-    pipeline::{far_land::MAX_CELL_M, hashed::city_grid},
-    read::{LandFacts, PartsCity, RECORDS, SceneParts},
-    scene::{
-        Landmark, ObjectKind,
-        grid::{BLOCK_LEAVES, CityGrid},
-        object_numbers::{IdentityKey, NumberedObject, ObjectNumbers},
-        partition::{on_lattice, touched_blocks},
-        scratch_scene::{ObjectPlacement, ScratchScene, StoredObject},
-        texture_store::texture_path,
-        triangle_store,
-    },
-    write::city::SceneFacts,
-};
+use insula_scratch::record_list::RecordList;
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::fs;
+use std::path::Path;
 
 /// Folder of textures by number.
 const TEXTURES: &str = "textures";

@@ -1,41 +1,35 @@
 //! `region R`: bakes the leaves of a region, their meshes, and all parents up to the region's root.
 
+use super::job::BakeSteps;
+use super::layout::{CityPlan, NumberedShape, PLAN, PlannedLandmark, PlannedMaterial, PlannedTexture};
+use super::region_file::{self, INDEX_KIND, TileIndex, index_name};
+use super::scan::{fetch, picture_name, scratch_folder};
+use super::sealed::SealedStore;
+use super::shuffle::{BundleHead, BundlePlace};
+use crate::error::BakeError;
+use crate::hash::short_hex;
+use crate::pipeline::context::{FinishedTiles, TileContext};
+use crate::pipeline::far_land::FarLand;
+use crate::pipeline::hashed::{HashedInput, HashedPartition};
+use crate::pipeline::leaves::LeafBaker;
+use crate::pipeline::parents;
+use crate::report::ResumeStatus;
+use crate::scene::Landmark;
+use crate::scene::object_facts::{BlockObjectFacts, ObjectFactsStore};
+use crate::scene::object_names::ObjectNames;
+use crate::scene::object_records::ObjectRecords;
+use crate::scene::scratch_budget::ScratchBudget;
+use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial};
+use crate::scene::texture_store::{TextureFacts, TextureStore, texture_path};
+use crate::scene::triangle_store::TriangleStore;
+use crate::write::tile_bytes::PackedTiles;
+use crate::write::tile_pack::PackReader;
+use insula_protocol::TileId;
+use insula_protocol::codec::bincode;
 use insula_scratch::record_list::RecordList;
-use std::{collections::HashMap, fs, path::Path};
-
-use insula_protocol::{TileId, codec::bincode};
-
-use super::{
-    job::BakeSteps,
-    layout::{CityPlan, NumberedShape, PLAN, PlannedLandmark, PlannedMaterial, PlannedTexture},
-    region_file::{self, INDEX_KIND, TileIndex, index_name},
-    scan::{fetch, picture_name, scratch_folder},
-    sealed::SealedStore,
-    shuffle::{BundleHead, BundlePlace},
-};
-use crate::{
-    error::BakeError,
-    hash::short_hex,
-    pipeline::{
-        context::{FinishedTiles, TileContext},
-        far_land::FarLand,
-        hashed::{HashedInput, HashedPartition},
-        leaves::LeafBaker,
-        parents,
-    },
-    report::ResumeStatus,
-    scene::{
-        Landmark,
-        object_facts::{BlockObjectFacts, ObjectFactsStore},
-        object_names::ObjectNames,
-        object_records::ObjectRecords,
-        scratch_budget::ScratchBudget,
-        scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial},
-        texture_store::{TextureFacts, TextureStore, texture_path},
-        triangle_store::TriangleStore,
-    },
-    write::{tile_bytes::PackedTiles, tile_pack::PackReader},
-};
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
 
 /// Folder of the tiles of regions by the hash of their input: other jobs find them too.
 pub(super) const TILES: &str = "tiles";

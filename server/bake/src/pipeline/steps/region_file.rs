@@ -1,29 +1,20 @@
 //! The tiles of a region, or of the levels above all regions: one object of bytes in the order of the archives, and an index.
 
-use std::{
-    fs::File,
-    io::{BufWriter, Write},
-    path::Path,
-};
-
-use insula_protocol::{
-    TileId, mesh_tile,
-    subtree::{MeshLod, NodeDeviation},
-};
+use super::scan::put_file;
+use super::sealed::{SealedKind, SealedStore};
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
+use crate::write::archive::archive_order;
+use crate::write::mesh_pack::StoredMesh;
+use crate::write::tile_bytes::TileContent;
+use crate::write::tile_pack::StoredTile;
+use crate::write::tile_tree::TileTree;
+use insula_protocol::subtree::{MeshLod, NodeDeviation};
+use insula_protocol::{TileId, mesh_tile};
 use serde::{Deserialize, Serialize};
-
-use super::{
-    scan::put_file,
-    sealed::{SealedKind, SealedStore},
-};
-use crate::{
-    error::BakeError,
-    hash::{ShortHash, short_hash},
-    write::{
-        archive::archive_order, mesh_pack::StoredMesh, tile_bytes::TileContent, tile_pack::StoredTile,
-        tile_tree::TileTree,
-    },
-};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
 
 pub(super) const INDEX_KIND: SealedKind = *b"TILE";
 

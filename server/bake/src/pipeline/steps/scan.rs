@@ -1,18 +1,14 @@
 //! `scan I`: reads a chunk of the sources.
 
-use std::fs;
-
-use super::{
-    job::BakeSteps,
-    sealed::{SealedKind, SealedStore},
-};
-use crate::{
-    error::BakeError,
-    hash::ShortHash,
-    read::{PartHead, RECORDS, ReadProgress, SHAPES, ScratchOptions, TRIANGLES},
-    scene::{scratch_budget::ScratchBudget, texture_store::texture_path},
-};
+use super::job::BakeSteps;
+use super::sealed::{SealedKind, SealedStore};
+use crate::error::BakeError;
+use crate::hash::ShortHash;
+use crate::read::{PartHead, RECORDS, ReadProgress, SHAPES, ScratchOptions, TRIANGLES};
+use crate::scene::scratch_budget::ScratchBudget;
+use crate::scene::texture_store::texture_path;
 use insula_source::temporary::{self, TemporaryFolder};
+use std::fs;
 
 pub(super) const HEAD: SealedKind = *b"HEAD";
 

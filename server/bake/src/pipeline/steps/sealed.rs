@@ -3,11 +3,11 @@
 //! Layout: magic, what it is (4 bytes each), the job's number (16 characters), the value in bincode, a BLAKE3 hash of everything
 //! before. Only the version of the program that wrote an object reads it.
 
-use insula_protocol::codec::bincode;
-use serde::{Serialize, de::DeserializeOwned};
-
 use super::owned::{OwnedStore, Removal};
 use crate::error::BakeError;
+use insula_protocol::codec::bincode;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 const MAGIC: [u8; 4] = *b"INSW";
 const HEAD_BYTES: usize = 24;

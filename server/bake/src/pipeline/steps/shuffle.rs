@@ -3,33 +3,23 @@
 //! The triangles of a region are a bundle: their objects and materials, then records as in scratch files. The bundles of a chunk are
 //! one object, and a second one has their places.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    fs::{self, File, OpenOptions},
-    io::{BufWriter, Write},
-    path::{Path, PathBuf},
+use super::job::BakeSteps;
+use super::layout::{
+    CHUNK_KIND, CityPlan, OWN_TRIANGLES, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name,
 };
-
+use super::scan::{fetch, put_file, scratch_folder, triangles_name};
+use super::sealed::SealedKind;
+use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
+use crate::scene::SceneTriangle;
+use crate::scene::partition::{on_lattice, touched_blocks};
+use crate::scene::triangle_store::{self, RECORD_BYTES, from_record, to_record};
 use insula_protocol::codec::bincode;
 use serde::{Deserialize, Serialize};
-
-use super::{
-    job::BakeSteps,
-    layout::{
-        CHUNK_KIND, CityPlan, OWN_TRIANGLES, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name,
-    },
-    scan::{fetch, put_file, scratch_folder, triangles_name},
-    sealed::SealedKind,
-};
-use crate::{
-    error::BakeError,
-    hash::{ShortHash, short_hash},
-    scene::{
-        SceneTriangle,
-        partition::{on_lattice, touched_blocks},
-        triangle_store::{self, RECORD_BYTES, from_record, to_record},
-    },
-};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
 
 const INDEX_KIND: SealedKind = *b"SHUF";
 /// Size of the buffers of all regions together.
@@ -253,7 +243,8 @@ fn bundle_of(mut triangles: Vec<SceneTriangle>, planned: &PlannedChunk) -> Bundl
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{pipeline::steps::layout::NumberedShape, scene::ObjectKind};
+    use crate::pipeline::steps::layout::NumberedShape;
+    use crate::scene::ObjectKind;
 
     fn chunk() -> PlannedChunk {
         let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7, landmark: None };

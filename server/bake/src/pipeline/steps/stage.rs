@@ -1,15 +1,13 @@
 //! `tasks`, `status` and `abort`: how much there is to do, what is done, and an end without a city.
 
-use super::{
-    crown,
-    job::{BakeSteps, JOB},
-    join::{CITY, JOIN_PLAN},
-    layout::{FOLDERS, JOINED, PLAN},
-    owned::OwnedStore,
-    region_file::index_name,
-    sealed::Removed,
-    work::WorkStore,
-};
+use super::crown;
+use super::job::{BakeSteps, JOB};
+use super::join::{CITY, JOIN_PLAN};
+use super::layout::{FOLDERS, JOINED, PLAN};
+use super::owned::OwnedStore;
+use super::region_file::index_name;
+use super::sealed::Removed;
+use super::work::WorkStore;
 use crate::error::BakeError;
 
 /// A stage of the steps, in their order.

@@ -1,24 +1,18 @@
 //! The tiles of a city in the objects of its regions.
 
-use std::{
-    collections::{HashMap, HashSet},
-    num::NonZeroUsize,
-};
-
+use super::layout::{CityPlan, PLAN};
+use super::sealed::SealedStore;
+use super::{crown, region};
+use crate::error::BakeError;
+use crate::hash::ShortHash;
+use crate::write::mesh_pack::StoredMesh;
+use crate::write::tile_bytes::TileContent;
+use crate::write::tile_pack::StoredTile;
+use crate::write::tile_tree::TileTree;
 use insula_protocol::TileId;
 use lru::LruCache;
-
-use super::{
-    crown,
-    layout::{CityPlan, PLAN},
-    region,
-    sealed::SealedStore,
-};
-use crate::{
-    error::BakeError,
-    hash::ShortHash,
-    write::{mesh_pack::StoredMesh, tile_bytes::TileContent, tile_pack::StoredTile, tile_tree::TileTree},
-};
+use std::collections::{HashMap, HashSet};
+use std::num::NonZeroUsize;
 
 /// Stands for the crown among the regions.
 pub(super) const CROWN: u32 = u32::MAX;

@@ -1,14 +1,11 @@
 //! Where the steps of a bake keep their results.
 
-use std::{
-    collections::BTreeSet,
-    fs,
-    io::{self, Read, Seek, SeekFrom},
-    path::{Path, PathBuf},
-};
-
 use insula_archive::file::open_regular;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 
 /// Named objects that all machines of a bake reach: a folder, or a bucket of an object store.
 ///

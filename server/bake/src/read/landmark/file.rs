@@ -7,12 +7,10 @@
 //! }]}
 //! ```
 
-use std::path::{Path, PathBuf};
-
-use serde::Deserialize;
-
 use insula_source::error::InputError;
 use insula_source::source::read_file;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
 
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 1 << 20;

@@ -13,8 +13,6 @@
 mod collect;
 mod file;
 
-use std::path::PathBuf;
-
 use super::bad_inputs::BadInputs;
 use super::context::{ReadContext, ReadOptions};
 use super::list::list_mesh;
@@ -34,6 +32,7 @@ use insula_source::object::{
 };
 use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
+use std::path::PathBuf;
 
 /// Turns and scales a mesh, and moves the middle of its base to a place.
 struct MeshTransform {

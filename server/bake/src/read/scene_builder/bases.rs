@@ -1,10 +1,9 @@
 //! Where buildings touch the ground.
 
-use std::collections::HashMap;
-
 use super::SceneBuilder;
 use crate::error::BakeError;
 use insula_dress::building_base::BuildingBase;
+use std::collections::HashMap;
 
 /// Surfaces that are at most this far above the lowest corner of a building belong to its base.
 const BASE_M: f32 = 0.5;

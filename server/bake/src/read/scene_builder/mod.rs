@@ -11,18 +11,15 @@ mod strays;
 mod tests;
 mod twins;
 
-use std::collections::HashMap;
-
-use glam::Vec3;
-use insula_objects::FeatureKind;
-
 use crate::error::BakeError;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
 pub(crate) use bases::AnchoredBuilding;
+use glam::Vec3;
 pub(crate) use insula_dress::world_triangle::WorldTriangle;
+use insula_objects::FeatureKind;
 use insula_scratch::record_list::RecordList;
 use insula_source::problems::FAR;
 use insula_source::report::SourceReport;
@@ -30,6 +27,7 @@ pub(crate) use landmarks::PendingLandmark;
 pub(crate) use parts::{BuilderParts, PartObjects};
 use pending::PendingObject;
 pub(crate) use pending::{ObjectRelation, OpenObject};
+use std::collections::HashMap;
 
 /// No projected system has positions on Earth with larger coordinates.
 pub(crate) const MAX_COORDINATE_M: f64 = 1e9;

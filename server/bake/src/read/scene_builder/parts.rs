@@ -1,7 +1,5 @@
 //! Builders of cities that are read in parts.
 
-use serde::{Deserialize, Serialize};
-
 use super::SceneBuilder;
 use super::pending::PendingObject;
 use crate::error::BakeError;
@@ -9,6 +7,7 @@ use crate::scene::object_records::ObjectRecords;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
 use insula_scratch::record_list::RecordScratch;
+use serde::{Deserialize, Serialize};
 
 /// The objects of a part.
 #[derive(Debug, Clone, Serialize, Deserialize)]

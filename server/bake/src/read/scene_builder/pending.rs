@@ -1,14 +1,13 @@
 //! Objects while they are read.
 
-use insula_protocol::NODE_CELLS;
-use serde::{Deserialize, Serialize};
-
 use super::{MAX_OBJECT_M, hash_of_id};
 use crate::read::duplicates::{DuplicateCandidate, PlacedBox};
 use crate::scene::ObjectKind;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::scene::object_records::RecordPlace;
 use crate::scene::scratch_scene::ObjectIdentity;
+use insula_protocol::NODE_CELLS;
+use serde::{Deserialize, Serialize};
 
 /// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
 /// over a whole block have as many.

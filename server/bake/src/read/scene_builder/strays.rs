@@ -5,9 +5,8 @@
 //! comes from histograms of whole numbers, which can be added in any order. Where no object is near it, the object nearest to it takes
 //! its place.
 
-use std::collections::BTreeMap;
-
 use crate::read::duplicates::PlacedBox;
+use std::collections::BTreeMap;
 
 /// Side of a class of the histograms.
 const CLASS_M: f64 = 1024.0;

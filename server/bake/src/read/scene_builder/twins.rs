@@ -1,9 +1,5 @@
 //! Leaves out objects that the city has twice.
 
-use std::cmp::Ordering;
-
-use serde::{Deserialize, Serialize};
-
 use super::pending::PendingObject;
 use super::{SceneBuilder, subtract_from_report};
 use crate::error::BakeError;
@@ -11,6 +7,8 @@ use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, Sim
 use insula_scratch::record_list::RecordScratch;
 use insula_scratch::record_sorter::{RecordSorter, SortedRecords};
 use insula_source::report::SourceReport;
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// Pairs of objects.
 type PairSorter = RecordSorter<SimilarPair>;

@@ -3,7 +3,8 @@
 use super::SceneSink;
 use super::painted::stands_in_water;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
-use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
+use crate::scene::ObjectKind;
+use crate::scene::scratch_scene::StoredMaterial;
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{
     BuildingHeight, Canopy, GroundPlan, GroundPlans, HeightHints, PrismMaterials, ResolvedColour, RoofTags,

@@ -1,6 +1,7 @@
 //! Lines with a width: roads and rails.
 
-use super::{SceneSink, footprints::layer_m};
+use super::SceneSink;
+use super::footprints::layer_m;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::ObjectKind;
 use insula_dress::facade::FacadeUse;

@@ -1,13 +1,12 @@
 //! Materials of a source, by the numbers that its reader uses.
 
-use std::collections::HashMap;
-use std::rc::Rc;
-
 use crate::read::context::ReadContext;
 use insula_dress::alpha_mask::AlphaMask;
 use insula_source::object::{SourceImage, SourceMaterial, Wrap};
 use insula_source::report::SourceReport;
 use insula_source::source::CitySource;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// Materials that let more light through are glass.
 const GLASS_OPACITY: f32 = 0.95;

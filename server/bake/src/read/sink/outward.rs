@@ -2,7 +2,6 @@
 //! coordinates whose order is corrected are a mirror image of those that were written. So it is decided in the city's system.
 
 use glam::DVec3;
-
 use insula_dress::palette::area_vector;
 use insula_source::report::SourceFormat;
 

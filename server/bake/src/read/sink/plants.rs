@@ -301,9 +301,8 @@ impl PlantedTree {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashMap;
-
     use super::*;
+    use std::collections::HashMap;
 
     const FORMS: [TreeForm; 6] =
         [TreeForm::Round, TreeForm::Conical, TreeForm::Columnar, TreeForm::Umbrella, TreeForm::Palm, TreeForm::Shrub];

@@ -1,7 +1,6 @@
 //! Titles, attributions and licences of a source.
 
 use insula_protocol::manifest::shorten_text;
-
 use insula_source::object::Description;
 use insula_source::report::SourceReport;
 

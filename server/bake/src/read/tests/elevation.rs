@@ -1,12 +1,11 @@
 //! Terrain and what stands on it, from files on disk.
 
-use std::fmt::Write;
-use std::fs;
-
 use crate::read::{ReadOptions, ReadReport, SourceFormat, read};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::testing::gzip;
 use insula_test_support::folder::TestFolder;
+use std::fmt::Write;
+use std::fs;
 
 /// Origin of the test's maps, in EPSG:25832.
 const EAST_M: f64 = 500_000.0;

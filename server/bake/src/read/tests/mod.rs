@@ -6,12 +6,11 @@ mod elevation;
 mod geojson;
 mod obj;
 
-use std::cell::RefCell;
-use std::fs;
-
 use super::*;
 use insula_source::testing::{gzip, utf16};
 use insula_test_support::folder::TestFolder;
+use std::cell::RefCell;
+use std::fs;
 
 /// One square roof at z = 3.
 fn city(epsg: &str) -> String {

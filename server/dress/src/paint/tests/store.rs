@@ -1,12 +1,11 @@
 //! Shapes that are kept and found again.
 
-use std::path::Path;
-
 use super::*;
 use crate::map_store::{MapRecord, MapStore, MapStoreError, overlap};
 use crate::paint::class::{AreaClass, LineClass};
 use crate::paint::shape::{PaintArea, PaintLine, Sidewalks};
 use crate::paint::surfacing::Surfacing;
+use std::path::Path;
 
 const FILE_LIMIT: u64 = 1 << 30;
 

@@ -1,11 +1,9 @@
 //! Events in which a reflex vertex meets another part of the wavefront.
 
+use super::wavefront::{Collision, MIN_RATE, Vertex, Wavefront};
+use glam::DVec2;
 use std::cmp::Reverse;
 use std::f64::consts::TAU;
-
-use glam::DVec2;
-
-use super::wavefront::{Collision, MIN_RATE, Vertex, Wavefront};
 
 /// Directions that differ by less than this angle, in radians, are equal.
 const EQUAL_RAD: f64 = 1e-6;

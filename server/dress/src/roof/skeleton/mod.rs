@@ -10,12 +10,10 @@
 mod events;
 mod wavefront;
 
-use glam::DVec2;
-
-use super::RoofFault;
 use super::cut::trace_faces;
 use super::plan::PlanPoint;
-use super::simple;
+use super::{RoofFault, simple};
+use glam::DVec2;
 use wavefront::Wavefront;
 
 /// Polygons with more edges are refused: time grows with the square.

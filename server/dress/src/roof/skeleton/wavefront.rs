@@ -1,13 +1,11 @@
 //! The moving edges of a straight skeleton, and the events in which edges disappear.
 
-use std::cmp::{Ordering, Reverse};
-use std::collections::BinaryHeap;
-
-use glam::DVec2;
-
 use crate::roof::RoofFault;
 use crate::roof::plan::PlanPoint;
 use crate::roof::simple::edges;
+use glam::DVec2;
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
 
 /// A reflex vertex is on the line of an edge.
 #[derive(Debug, Clone, Copy, PartialEq)]

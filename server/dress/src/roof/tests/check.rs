@@ -1,9 +1,8 @@
 //! Checks of a building's surface by its coordinates alone.
 
-use std::collections::HashMap;
-
 use crate::roof::{RoofShape, RoofSpec};
 use insula_source::object::{Surface, SurfaceRole};
+use std::collections::HashMap;
 
 type Point = [f64; 3];
 

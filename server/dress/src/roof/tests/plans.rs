@@ -1,8 +1,7 @@
 //! Plans for tests: known ones, and strategies for random ones.
 
-use std::f64::consts::TAU;
-
 use proptest::prelude::*;
+use std::f64::consts::TAU;
 
 pub(super) type Rings = Vec<Vec<[f64; 2]>>;
 

@@ -1,9 +1,8 @@
 //! Properties of all roofs over random plans.
 
+use super::*;
 use insula_test_support::tier;
 use proptest::prelude::*;
-
-use super::*;
 
 /// Corners that are slightly off a wall's line, and above a roof that begins at the floor, bend its faces.
 const PLANAR_M: f64 = 0.1;

@@ -1,11 +1,9 @@
 //! Reads geoid grids in the GeoTIFF form of PROJ-data (<https://proj.org/specifications/geodetictiffgrids.html>).
 
+use super::grid::{Grid, MAX_UNDULATION_M, Table};
 use std::io::{Read, Seek};
-
 use tiff::decoder::{ChunkType, Decoder, DecodingResult};
 use tiff::tags::Tag;
-
-use super::grid::{Grid, MAX_UNDULATION_M, Table};
 
 /// Grids with more values are refused: 200 MB of memory.
 const MAX_VALUES: u64 = 50_000_000;

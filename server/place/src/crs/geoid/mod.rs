@@ -5,15 +5,13 @@ mod grid;
 #[cfg(test)]
 mod tests;
 
+pub use grid::Grid;
+use insula_source::error::InputError;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, BufReader, Cursor};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-
-pub use grid::Grid;
-
-use insula_source::error::InputError;
 
 /// File name of EGM96 in PROJ-data. A copy in the folder of grids is taken in place of the bundled grid.
 pub const EGM96_FILE: &str = "us_nga_egm96_15.tif";

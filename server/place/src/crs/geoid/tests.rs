@@ -1,12 +1,10 @@
 //! Tests of geoid grids. Grids are made here with the encoder of `tiff`, or are the bundled one.
 
-use std::io::Cursor;
-
-use tiff::encoder::{TiffEncoder, colortype};
-use tiff::tags::Tag;
-
 use super::grid::{Grid, Table};
 use super::{EGM96_BYTES, EGM96_FILE, Geoid, GridFolder, geotiff};
+use std::io::Cursor;
+use tiff::encoder::{TiffEncoder, colortype};
+use tiff::tags::Tag;
 
 const POINT_KEYS: [u16; 12] = [1, 1, 0, 2, 1024, 0, 1, 2, 1025, 0, 1, 2];
 const AREA_KEYS: [u16; 12] = [1, 1, 0, 2, 1024, 0, 1, 2, 1025, 0, 1, 1];

@@ -2,9 +2,8 @@
 //!
 //! Appearances often come last in a file, so they are collected in a pass of their own.
 
-use std::collections::HashMap;
-
 use insula_source::object::{ObjectSink, SourceMaterial};
+use std::collections::HashMap;
 
 /// Further texture coordinates are left out.
 const MAX_TEXTURE_COORDINATES: usize = 1 << 27;

@@ -1,7 +1,5 @@
 //! Reads the appearances of a file.
 
-use memchr::memmem::Finder;
-
 use super::appearance::Appearances;
 use super::coordinates::numbers;
 use super::names::Names;
@@ -11,6 +9,7 @@ use super::tree_builder::{BuildContext, Built, build, start_tree};
 use super::xml::{Event, XmlReader};
 use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
+use memchr::memmem::Finder;
 
 /// Bytes before a match of [`Scan`] in which the tag begins.
 const TAG_BYTES: usize = 64;

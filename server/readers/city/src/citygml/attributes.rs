@@ -1,13 +1,12 @@
 //! Attributes of an object: simple properties, generic attributes, addresses and properties of extensions.
 
-use std::collections::HashMap;
-
 use super::codelists::Codelists;
 use super::names::{Class, Family, GenericType, Names};
 use super::tree::{AttributeKind, Tree};
 use insula_dress::footprint::is_height;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::units::metres_of;
+use std::collections::HashMap;
 
 /// Reads the attributes of one object.
 pub(super) struct AttributeReader<'r, 'f> {

@@ -1,8 +1,5 @@
 //! Codelists beside the source: names of the codes of attributes.
 
-use std::collections::HashMap;
-use std::io::{BufReader, Read};
-
 use super::decode::TextReader;
 use super::paths::relative_to;
 use super::tree::Tree;
@@ -10,6 +7,8 @@ use super::tree_builder::{BuildContext, Built, build, start_tree};
 use super::xml::{Event, XmlReader};
 use insula_source::error::InputError;
 use insula_source::input::SourceFiles;
+use std::collections::HashMap;
+use std::io::{BufReader, Read};
 
 /// Longer codelists are read up to here.
 const MAX_LIST_BYTES: u64 = 8 << 20;

@@ -1,7 +1,5 @@
 //! Makes surfaces and meshes of collected pieces, with their colours and textures.
 
-use std::collections::HashMap;
-
 use super::appearance::Appearances;
 use super::gather::{Faults, Piece, PieceGeometry};
 use super::placement::Placement;
@@ -9,6 +7,7 @@ use super::shape::open_ring;
 use super::store::StoredGeometry;
 use super::tree::{Ring, Tree};
 use insula_source::object::{ObjectSink, Shape, Surface, TriangleMesh};
+use std::collections::HashMap;
 
 const FEW_POINTS: &str = "ring has fewer than three points";
 const NO_NUMBERS: &str = "coordinates that are no numbers";

@@ -1,10 +1,9 @@
 //! Rings that are made of curves: arcs, circles and curves that are run through backwards.
 
-use std::ops::Range;
-
 use super::names::{Class, Names};
 use super::tree::{AttributeKind, Content, Tree};
 use insula_source::arc::{circle_in_space, divide_arcs_in_space};
+use std::ops::Range;
 
 /// Arcs through more positions are not read: each becomes many segments.
 const MAX_CONTROLS: usize = 512;

@@ -1,11 +1,9 @@
 //! Bytes of an XML file as UTF-8, whatever its encoding.
 
-use std::io::{self, BufRead, Chain, Cursor, Read};
-
 use encoding_rs::{UTF_8, UTF_16BE, UTF_16LE};
-
 use insula_source::error::InputError;
 use insula_source::text::{DecodingReader, read_declaration};
+use std::io::{self, BufRead, Chain, Cursor, Read};
 
 /// A single tag or text may have this many bytes.
 const MAX_EVENT_BYTES: u64 = 128 << 20;

@@ -1,9 +1,5 @@
 //! Collects the surfaces of geometry properties, through references, once each.
 
-use std::collections::HashSet;
-use std::ops::Range;
-use std::rc::Rc;
-
 use super::appearance::Appearances;
 use super::names::{Class, Names};
 use super::placement::{Placement, matrix_of};
@@ -11,6 +7,9 @@ use super::store::{Store, StoredGeometry};
 use super::tree::{AttributeKind, Content, Tree, hash_of_reference};
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::object::SurfaceRole;
+use std::collections::HashSet;
+use std::ops::Range;
+use std::rc::Rc;
 
 /// Deeper geometry, counted through references, is left out.
 const MAX_DEPTH: u32 = 300;

@@ -30,17 +30,15 @@ mod tree;
 mod tree_builder;
 mod xml;
 
-use std::io::BufRead;
-
 use appearance::Appearances;
 use appearance_reader::{Scan, read_appearances};
 use decode::TextReader;
-use session::{Pass, Session};
-use xml::XmlReader;
-
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
+use session::{Pass, Session};
+use std::io::BufRead;
+use xml::XmlReader;
 
 /// Reads all objects of a CityGML file. Positions are in the order of axes that the registry of coordinate systems
 /// defines. Fails if the file cannot be read, is not CityGML or is damaged; objects before the damage are passed on.

@@ -1,10 +1,9 @@
 //! Finds the geometry properties of an object by level of detail, and the objects within it.
 
-use std::collections::HashSet;
-
 use super::names::{Class, Names};
 use super::tree::{AttributeKind, Tree, hash_of_reference};
 use insula_source::object::SurfaceRole;
+use std::collections::HashSet;
 
 /// Levels of detail from 0 to 4.
 pub(super) const LEVELS: usize = 5;

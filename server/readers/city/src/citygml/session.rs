@@ -1,9 +1,5 @@
 //! The passes over a file.
 
-use std::cell::Cell;
-use std::collections::HashSet;
-use std::rc::Rc;
-
 use super::appearance::Appearances;
 use super::codelists::Codelists;
 use super::convert::Converter;
@@ -19,6 +15,9 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink, SurfaceRole};
 use insula_source::unread_formats;
+use std::cell::Cell;
+use std::collections::HashSet;
+use std::rc::Rc;
 
 /// Further objects that refer to surfaces of later objects are read without those.
 const MAX_DEFERRED: usize = 1 << 20;

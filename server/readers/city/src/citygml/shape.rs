@@ -1,13 +1,12 @@
 //! Chooses the level of detail of an object, and which of its surfaces count where some are given twice.
 
-use std::collections::HashSet;
-use std::hash::{DefaultHasher, Hash, Hasher};
-use std::ops::Range;
-
 use super::gather::{Faults, Gatherer, Piece, PieceGeometry, Scene, faces_of};
 use super::plan::{LEVELS, Level, Plan};
 use super::tree::Tree;
 use insula_source::object::SurfaceRole;
+use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 
 /// Surfaces of an object with this part of the area of its thematic surfaces, but none in common, show the same again.
 const SAME_AREA: f64 = 0.5;

@@ -1,9 +1,8 @@
 //! Geometry that objects share: templates of implicit geometry and surfaces of other objects.
 
+use insula_source::object::{Surface, TriangleMesh};
 use std::collections::HashMap;
 use std::rc::Rc;
-
-use insula_source::object::{Surface, TriangleMesh};
 
 /// Shared geometry with more points is left out.
 const MAX_STORED_POINTS: usize = 2 << 20;

@@ -1,11 +1,10 @@
 //! The elements of one object in compact form: flat arrays, with the coordinates as numbers and each surface as one
 //! element.
 
+use super::names::{Class, NameId, Names};
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
-
-use super::names::{Class, NameId, Names};
 
 /// A larger object is left out.
 pub(super) const MAX_OBJECT_BYTES: usize = 256 << 20;

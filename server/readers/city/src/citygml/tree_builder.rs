@@ -1,9 +1,5 @@
 //! Builds the tree of an object from the events of its file.
 
-use std::ops::Range;
-
-use quick_xml::events::BytesStart;
-
 use super::coordinates::{Marks, push_positions, push_tuples, with_point};
 use super::curves::points_of_curves;
 use super::names::{Class, NameId, Names};
@@ -13,6 +9,8 @@ use super::tree::{
 };
 use super::xml::{Event, XmlReader, attribute_value};
 use insula_source::error::InputError;
+use quick_xml::events::BytesStart;
+use std::ops::Range;
 
 /// An object with a longer list of coordinates is left out: short numbers take several times their length.
 const MAX_LIST_BYTES: usize = 64 << 20;

@@ -1,19 +1,16 @@
 //! Events of an XML file with namespaces resolved to families, and faults as errors of the input.
 
-use std::borrow::Cow;
-use std::collections::HashMap;
-use std::io;
-
-use quick_xml::Reader;
-use quick_xml::XmlVersion;
+use super::decode::TextReader;
+use super::names::{Class, Family, NameId, Names};
+use insula_source::error::InputError;
 use quick_xml::errors::Error as XmlError;
 use quick_xml::events::attributes::Attribute;
 use quick_xml::events::{BytesRef, BytesStart, Event as XmlEvent};
 use quick_xml::name::{NamespaceError, NamespaceResolver, QName, ResolveResult};
-
-use super::decode::TextReader;
-use super::names::{Class, Family, NameId, Names};
-use insula_source::error::InputError;
+use quick_xml::{Reader, XmlVersion};
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::io;
 
 /// Deeper files are damaged: the names of all open elements are in memory.
 const MAX_DEPTH: u32 = 1024;

@@ -1,10 +1,9 @@
 //! Appearance of surfaces: materials and textures.
 
-use std::collections::HashMap;
-
 use super::nested::Nested;
 use super::schema::{CityJsonAppearance, CityJsonMaterial};
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
+use std::collections::HashMap;
 
 /// Opacity of all materials that something can be seen through: writers disagree on which end of the scale is opaque, so
 /// none is taken for invisible.

@@ -1,8 +1,5 @@
 //! The surfaces of one city object.
 
-use std::collections::BTreeMap;
-use std::rc::Rc;
-
 use super::appearance::AppearanceReader;
 use super::levels::level_of;
 use super::nested::{NULL, Nested};
@@ -15,6 +12,8 @@ use insula_dress::polygon::NO_AREA;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{ObjectSink, Surface, SurfaceRole};
+use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// An object with more corners in instances of templates is left out: few bytes can place a large template any number of
 /// times.

@@ -1,8 +1,7 @@
 //! Chooses the geometries of each object: the best level of detail, and never a footprint under a building.
 
-use std::collections::HashMap;
-
 use super::schema::{CityJsonGeometry, CityJsonLod, GeometryOutline, ObjectOutline, shell_depth};
+use std::collections::HashMap;
 
 /// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;

@@ -8,15 +8,14 @@ mod objects;
 mod schema;
 mod sequence;
 
-use serde::Deserialize;
-use serde_json::error::Category;
-
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::json::{lenient, without_bom};
 use insula_source::object::ObjectSink;
 use objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
+use serde::Deserialize;
+use serde_json::error::Category;
 
 /// The two forms of CityJSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

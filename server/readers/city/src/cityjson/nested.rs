@@ -1,8 +1,7 @@
 //! CityJSON's nested arrays of indices, whose depth depends on the geometry's type.
 
-use std::fmt;
-
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use std::fmt;
 
 /// An index, an array of nested indices, or nothing. A number that is not an index becomes -1, which is always out of
 /// range.

@@ -1,8 +1,5 @@
 //! Reads the objects of a document or of a feature.
 
-use serde::de::DeserializeOwned;
-use serde_json::value::RawValue;
-
 use super::appearance::AppearanceReader;
 use super::geometry::{ObjectReferences, VertexFrame, surfaces_of};
 use super::levels::{LevelChoice, choose_levels, find_wholes};
@@ -19,6 +16,8 @@ use insula_source::json::metadata;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject, WholeBuilding};
 use insula_source::subject;
+use serde::de::DeserializeOwned;
+use serde_json::value::RawValue;
 
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;

@@ -1,18 +1,16 @@
 //! The part of CityJSON's structure that is used. City objects stay text at first, so that a malformed one costs only
 //! itself.
 
-use std::collections::BTreeMap;
-use std::fmt;
-use std::marker::PhantomData;
-
+use super::nested::{Filled, Nested};
+use insula_source::json::position::JsonPosition;
+use insula_source::object::unit_to_byte;
 use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::Value;
 use serde_json::value::RawValue;
-
-use super::nested::{Filled, Nested};
-use insula_source::json::position::JsonPosition;
-use insula_source::object::unit_to_byte;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
 
 /// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]

@@ -1,13 +1,12 @@
 //! CityJSONSeq: a header line, then one feature per line. Only one line is in memory at a time.
 
-use std::io::BufRead;
-
 use super::objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use super::schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
 use insula_source::error::{InputError, json_message};
 use insula_source::json::{lenient, without_bom};
 use insula_source::object::ObjectSink;
 use insula_source::source::{NextLine, next_line};
+use std::io::BufRead;
 
 /// Lines between two progress reports.
 const TICK_LINES: usize = 64;

@@ -3,10 +3,9 @@
 //! Under a building it has the height of the base. Beside it, it passes into the elevation model's heights within
 //! [`BLEND_M`]. Between buildings the nearest one counts most (Shepard 1968, inverse distances).
 
-use std::sync::Arc;
-
 use super::lattice::MapGrid;
 use insula_dress::building_base::{BLEND_M, BuildingBase};
+use std::sync::Arc;
 
 /// Distances below this part of [`BLEND_M`] weigh alike.
 const NEAR_SHARE: f64 = 1e-3;

@@ -21,15 +21,8 @@ mod surroundings;
 mod terrain;
 mod terrain_files;
 
-use std::cell::RefCell;
-use std::fs::File;
-use std::num::NonZeroUsize;
-use std::path::Path;
-
-use lru::LruCache;
-
-use super::raster::{AuxFile, GeoPlace, Raster, RasterError, RasterLimits};
-use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
+use super::raster::{AuxFile, GeoPlace, HEIGHTS_AND_DEPTHS_M, HEIGHTS_M, Raster, RasterError, RasterLimits};
+pub use drape::{Drape, GroundPictures};
 use fit::fit_to_bases;
 use insula_dress::building_base::BuildingBase;
 use insula_dress::map_store::MapStore;
@@ -42,14 +35,15 @@ use insula_source::packed::unpacked_name;
 use insula_source::source::{CitySource, SourceKind, kind_by_name, read_all, read_sibling};
 use lattice::MapGrid;
 pub use level::LevelGround;
+use lru::LruCache;
 use model::PlacedRaster;
+use std::cell::RefCell;
+use std::fs::File;
+use std::num::NonZeroUsize;
+use std::path::Path;
+pub use surroundings::{FarModels, LandColours, LandFacts, LandSquare, SurroundingsOptions};
+pub use terrain::{ALIGNED_LEAVES, TerrainOptions, TerrainTile};
 use terrain_files::TerrainFiles;
-
-pub use drape::{Drape, GroundPictures};
-pub use surroundings::SurroundingsOptions;
-pub use surroundings::{FarModels, LandColours, LandFacts, LandSquare};
-pub use terrain::TerrainOptions;
-pub use terrain::{ALIGNED_LEAVES, TerrainTile};
 
 /// Points along the side of a block of heights that is read for single positions.
 const BLOCK_POINTS: usize = 64;

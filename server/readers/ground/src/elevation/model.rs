@@ -1,8 +1,5 @@
 //! One raster with its place in the world: heights of the ground, or a picture of it.
 
-use std::cell::RefCell;
-use std::ops::RangeInclusive;
-
 use super::lattice::{Lattice, MapGrid, RasterPoint};
 use super::missing::{MissingHeights, OddZeros};
 use super::pixel_finder::PixelFinder;
@@ -11,6 +8,8 @@ use insula_place::placement::{FirstShape, Placement, World};
 use insula_source::error::InputError;
 use insula_source::input::LocalFile;
 use insula_source::object::CrsReference;
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
 
 /// Colours with less alpha are none.
 const OPAQUE: u8 = 128;

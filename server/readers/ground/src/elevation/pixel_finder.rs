@@ -1,9 +1,8 @@
 //! From the world to the pixels of a raster: the inverse of its placement.
 
-use std::array;
-
 use crate::raster::GeoPlace;
 use insula_place::placement::Placement;
+use std::array;
 
 /// Steps of Newton's method. From the middle of a raster two or three are enough: placements are nearly linear.
 const MAX_STEPS: u32 = 12;

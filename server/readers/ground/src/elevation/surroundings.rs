@@ -1,15 +1,13 @@
 //! The land around a city: heights and pictures by square, read while it is baked.
 
-use std::array;
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use serde::{Deserialize, Serialize};
-
 use super::Elevation;
 use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
 use insula_source::error::InputError;
+use serde::{Deserialize, Serialize};
+use std::array;
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Points along each side of the grid by which the range of heights is known.
 const OVERVIEW_POINTS: usize = 1024;

@@ -1,8 +1,5 @@
 //! Triangles of the ground in a region.
 
-use std::array;
-use std::cell::RefCell;
-
 use super::Elevation;
 use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
@@ -10,6 +7,8 @@ use super::level::LevelGround;
 use insula_protocol::NODE_CELLS;
 use insula_roam::{Borders, HeightSource, triangulate_region};
 use insula_source::error::InputError;
+use std::array;
+use std::cell::RefCell;
 
 /// More heights make the grid coarser.
 const MAX_HEIGHTS: f64 = 4e8;

@@ -1,10 +1,9 @@
 //! The files of a folder of terrain tiles.
 
+use crate::raster::TileFiles;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
-
-use crate::raster::TileFiles;
 
 /// Folders in folders: `{z}/{x}/{y}` below a version.
 const MAX_DEPTH: usize = 8;

@@ -1,13 +1,12 @@
 //! ESRI ASCII grids: a header of words, then heights as text from the top row to the bottom row.
 
-use std::sync::Arc;
-
 use super::cache::BlockCache;
 use super::error::RasterError;
 use super::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::place::GeoPlace;
 use super::source::Source;
 use super::words::{Words, number_of};
+use std::sync::Arc;
 
 /// The mark of missing heights of files that do not tell it, by Esri's definition of the format.
 const DEFAULT_NODATA: f64 = -9999.0;

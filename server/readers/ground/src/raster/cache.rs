@@ -1,8 +1,7 @@
 //! The unpacked tiles and strips that were used last, bounded in bytes.
 
-use std::sync::Arc;
-
 use lru::LruCache;
+use std::sync::Arc;
 
 /// Blocks of numbers by the image and the number of the block within it.
 pub(super) struct BlockCache<T> {

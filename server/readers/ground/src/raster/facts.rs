@@ -1,9 +1,8 @@
 //! What is known of a raster before its pixels are read.
 
-use std::ops::RangeInclusive;
-
 use super::error::RasterError;
 use super::place::GeoPlace;
+use std::ops::RangeInclusive;
 
 /// Bounds of memory.
 #[derive(Debug, Clone, Copy)]

@@ -1,13 +1,11 @@
 //! JPEG 2000 pictures, with their place by GeoJP2.
 
-use std::io::Cursor;
-
-use hayro_jpeg2000::{ColorSpace, DecodeSettings, DecoderContext, Image};
-
 use super::error::RasterError;
 use super::facts::{RasterFacts, RasterSize, SampleKind};
 use super::source::Source;
 use super::tiff;
+use hayro_jpeg2000::{ColorSpace, DecodeSettings, DecoderContext, Image};
+use std::io::Cursor;
 
 /// Marks the box with a GeoTIFF file without pixels.
 const GEO_JP2: [u8; 16] =

@@ -22,21 +22,20 @@ mod tests;
 mod tiff;
 mod words;
 
+use self::ascii_grid::AsciiGrid;
 pub(crate) use self::aux_file::AuxFile;
 pub(crate) use self::error::RasterError;
-pub(crate) use self::facts::HEIGHTS_AND_DEPTHS_M;
 pub use self::facts::HEIGHTS_M;
-pub(crate) use self::facts::RasterCrs;
-pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
-pub(crate) use self::place::GeoPlace;
-pub(crate) use self::quantized_mesh::TileFiles;
-pub(crate) use self::source::ReadSeek;
-
-use self::ascii_grid::AsciiGrid;
+pub(crate) use self::facts::{
+    HEIGHTS_AND_DEPTHS_M, RasterCrs, RasterFacts, RasterLimits, RasterSize, SampleKind, Window,
+};
 use self::hgt::Hgt;
 use self::picture::Picture;
+pub(crate) use self::place::GeoPlace;
 use self::point_cloud::PointCloud;
 use self::quantized_mesh::QuantizedMesh;
+pub(crate) use self::quantized_mesh::TileFiles;
+pub(crate) use self::source::ReadSeek;
 use self::source::Source;
 use self::tiff::TiffRaster;
 use insula_place::crs::is_undefined;

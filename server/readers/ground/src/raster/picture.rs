@@ -1,13 +1,11 @@
 //! PNG, JPEG, WebP and JPEG 2000: unpacked whole when their first pixel is read.
 
-use std::io::{BufReader, Seek};
-
-use image::{DynamicImage, ImageDecoder, ImageReader};
-
 use super::error::RasterError;
 use super::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::jpeg2000;
 use super::source::Source;
+use image::{DynamicImage, ImageDecoder, ImageReader};
+use std::io::{BufReader, Seek};
 
 /// A picture.
 pub(super) struct Picture {

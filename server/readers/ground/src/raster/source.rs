@@ -1,8 +1,7 @@
 //! The bytes of a raster: read at any place, never beyond the file's end.
 
-use std::io::{self, Read, Seek, SeekFrom};
-
 use super::error::RasterError;
+use std::io::{self, Read, Seek, SeekFrom};
 
 /// A file, or anything else that is read at any place.
 pub(crate) trait ReadSeek: Read + Seek + Send {}

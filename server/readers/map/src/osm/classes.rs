@@ -1,15 +1,13 @@
 //! Which elements of OpenStreetMap are objects of a city: classes of tags with their kinds, forms and usual widths.
 
-use std::borrow::Cow;
-
-use FeatureKind::{Bridge, Building, BuildingPart, Generic, LandUse, Rail, Road, Vegetation, Water};
-
 use super::element::Tags;
+use FeatureKind::{Bridge, Building, BuildingPart, Generic, LandUse, Rail, Road, Vegetation, Water};
 use insula_dress::footprint::{
     AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, hidden, length_m,
 };
 use insula_source::object::FeatureKind;
 use insula_source::text::split_words;
+use std::borrow::Cow;
 
 /// What an element's geometry is to be.
 #[derive(Debug, Clone, Copy, PartialEq)]

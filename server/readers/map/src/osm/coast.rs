@@ -4,13 +4,12 @@
 //! border to border, and the border closes them. Where an extract lacks a piece of the coast, it is guessed: a straight line over a
 //! short gap, else straight on to the border. Guesses are reported with their places.
 
-use insula_source::problems::{CONTRADICTION, GAP, OPEN_END, TOO_WIDE};
-use std::collections::{HashMap, HashSet};
-
 use super::cover::Bounds;
 use super::element::{Position, UNITS_PER_DEGREE, degrees};
 use super::nesting::{Polygon, area, group};
 use insula_dress::paint::{between, clip_segment};
+use insula_source::problems::{CONTRADICTION, GAP, OPEN_END, TOO_WIDE};
+use std::collections::{HashMap, HashSet};
 
 /// More nodes of all coastlines are refused.
 pub(super) const MAX_NODES: usize = 8 << 20;

@@ -1,14 +1,13 @@
 //! One round of reading: as many ways and multipolygons as have room in memory, and the nodes that they need.
 
-use std::collections::HashMap;
-use std::ops::{ControlFlow, Range};
-
 use super::classes::{Outline, Verdict, classify};
 use super::element::{Element, ElementFile, Pass, Tags};
 use super::nodes::NodeStore;
 use super::relations::{Relation, Relations};
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, ObjectSink};
+use std::collections::HashMap;
+use std::ops::{ControlFlow, Range};
 
 /// Limits of a round, in references to nodes.
 #[derive(Debug, Clone, Copy)]

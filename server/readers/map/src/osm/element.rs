@@ -1,10 +1,9 @@
 //! Elements of OpenStreetMap as both file forms give them, and how a file is read through.
 
-use std::fmt;
-use std::ops::{ControlFlow, Range};
-
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
+use std::fmt;
+use std::ops::{ControlFlow, Range};
 
 /// A position in units of 1e-7 degrees: longitude, latitude.
 pub(super) type Position = [i32; 2];

@@ -25,8 +25,7 @@ mod tagged;
 mod tests;
 mod xml;
 
-use std::ops::{ControlFlow, Range};
-
+pub(crate) use classes::NOT_BUILT;
 use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_harbour};
 use coast::Sea;
 use collect::{Limits, Round, is_part, outline_of};
@@ -41,9 +40,8 @@ use insula_source::problems::TOO_MANY;
 use nesting::Polygon;
 use nodes::NodeStore;
 use parts::{Heights, OutlineFate, Parts};
+use std::ops::{ControlFlow, Range};
 use survey::Survey;
-
-pub(crate) use classes::NOT_BUILT;
 pub(crate) use tagged::kind_by_tags;
 
 const AT_COAST: &str = "marina at the sea, whose coastline tells what is water";

@@ -1,10 +1,9 @@
 //! Positions of the nodes that are needed: 16 bytes for each, by sorted identifiers.
 
-use std::ops::ControlFlow;
-
 use super::element::{Element, ElementFile, Pass, Position};
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
+use std::ops::ControlFlow;
 
 /// No valid position.
 const MISSING: Position = [i32::MIN; 2];

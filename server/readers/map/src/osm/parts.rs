@@ -7,8 +7,7 @@ use super::box_tree::BoxTree;
 use super::cover::{Bounds, bounds, covered_share, share_within};
 use super::element::{ElementId, Position, Tags};
 use super::emit::attributes;
-use super::nesting::Polygon;
-use super::nesting::area;
+use super::nesting::{Polygon, area};
 use insula_dress::footprint::{BuildingHeight, Canopy, HeightHints};
 use insula_source::problems::GUESSED;
 

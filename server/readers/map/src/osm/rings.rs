@@ -4,11 +4,10 @@
 //! segments at each node, or a ring is not closed. Where more than two meet, neighbours by angle are joined: rings then touch
 //! but do not cross.
 
-use std::collections::HashMap;
-
 use super::classes::NOT_CLOSED;
 use super::nesting::{self, Polygon};
 use super::nodes::NodeStore;
+use std::collections::HashMap;
 
 pub(super) const OUTSIDE: &str = "outside of the extract";
 pub(super) const TOO_FEW: &str = "ring has fewer than three points";

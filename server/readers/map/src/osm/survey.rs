@@ -1,7 +1,5 @@
 //! The first pass over a file: which objects it has, and its trees.
 
-use std::ops::ControlFlow;
-
 use super::classes::{POINT_STRUCTURE, Verdict, classify, is_point_structure, plant};
 use super::coast;
 use super::collect::{Work, is_part, outline_of};
@@ -11,6 +9,7 @@ use super::relations::{self, Kept, Relations};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, Shape, SourceObject};
+use std::ops::ControlFlow;
 
 /// More building parts with a named outline are refused.
 const MAX_NAMED: usize = 16 << 20;

@@ -3,14 +3,6 @@
 //! The Overpass API writes no nodes for `out geom`, but their positions where ways and relations name them. Such a position is a node of
 //! its own, and a way that only relations have is read where it is a member.
 
-use std::cell::Cell;
-use std::io::{self, BufRead, Read};
-use std::ops::{ControlFlow, Range};
-use std::rc::Rc;
-
-use quick_xml::events::{BytesStart, Event};
-use quick_xml::{Reader, XmlVersion};
-
 use super::element::{
     Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, id_of_position, of_history,
     position,
@@ -19,6 +11,12 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
 use insula_source::text::in_declared_encoding;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+use std::cell::Cell;
+use std::io::{self, BufRead, Read};
+use std::ops::{ControlFlow, Range};
+use std::rc::Rc;
 
 /// Longer tags of XML are refused. Values of OpenStreetMap have at most 255 characters.
 const MAX_EVENT_BYTES: u64 = 4 << 20;

@@ -28,9 +28,6 @@ mod told;
 mod wkb;
 mod wkt;
 
-#[cfg(not(all(feature = "parquet", feature = "sqlite")))]
-use insula_source::{error::InputError, input::Input, object::ObjectSink};
-
 pub use csv::read as read_csv;
 pub use flatgeobuf::read as read_flatgeobuf;
 pub use geojson::{is_type as is_geojson, read as read_geojson, read_type};
@@ -38,6 +35,8 @@ pub use geojson::{is_type as is_geojson, read as read_geojson, read_type};
 pub use geopackage::read as read_geopackage;
 #[cfg(feature = "parquet")]
 pub use geoparquet::read as read_geoparquet;
+#[cfg(not(all(feature = "parquet", feature = "sqlite")))]
+use insula_source::{error::InputError, input::Input, object::ObjectSink};
 pub use shapefile::read as read_shapefile;
 
 /// Fails: SQLite is left out of this program.

@@ -1,11 +1,10 @@
 //! Accessors: typed elements in buffers, with sparse replacements.
 
-use std::borrow::Cow;
-
 use super::buffers::Buffers;
 use super::fault::Fault;
 use super::schema::{Accessor, Root, Sparse};
 use crate::bytes::{Number, NumberType};
+use std::borrow::Cow;
 
 /// Kind of all faults of accessors.
 const KIND: &str = "accessor of a glTF is invalid";

@@ -1,12 +1,10 @@
 //! Buffers and buffer views, loaded and decompressed when they are first needed.
 
-use std::cell::OnceCell;
-
-use super::Resources;
 use super::fault::{Budget, Fault};
-use super::meshopt;
 use super::schema::{Meshopt, Root};
 use super::uri::{self, Target};
+use super::{Resources, meshopt};
+use std::cell::OnceCell;
 
 /// Kind of all faults of buffers.
 const KIND: &str = "buffer of a glTF cannot be read";

@@ -1,7 +1,8 @@
 //! KHR_draco_mesh_compression.
 
-use std::borrow::Cow;
-
+use super::accessor::Column;
+use super::fault::{Budget, Fault};
+use crate::bytes::NumberType;
 use draco_core::decode_limits::DecodeLimits;
 use draco_core::decoder_buffer::DecoderBuffer;
 use draco_core::draco_types::DataType;
@@ -9,10 +10,7 @@ use draco_core::geometry_indices::{FaceIndex, PointIndex};
 use draco_core::mesh::Mesh;
 use draco_core::mesh_decoder::MeshDecoder;
 use draco_core::status::ErrorKind;
-
-use super::accessor::Column;
-use super::fault::{Budget, Fault};
-use crate::bytes::NumberType;
+use std::borrow::Cow;
 
 const KIND: &str = "Draco data cannot be read";
 

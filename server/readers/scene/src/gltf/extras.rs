@@ -1,9 +1,8 @@
 //! `extras` as attributes.
 
-use serde_json::Value;
-
 use super::schema::Raw;
 use insula_source::attributes::{AttributeValue, Attributes};
+use serde_json::Value;
 
 /// Deeper members are left out.
 const MAX_DEPTH: usize = 8;

@@ -1,10 +1,9 @@
 //! Identifiers of features, and meshes split by them.
 
-use std::collections::BTreeMap;
-
 use super::fault::Fault;
 use super::schema::FeatureSet;
 use super::{FeatureIdValues, FeatureIds, GltfPrimitive, TriangleMesh};
+use std::collections::BTreeMap;
 
 /// Label of the identifiers of b3dm.
 const BATCH_ID: &str = "_BATCHID";

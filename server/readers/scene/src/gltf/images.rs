@@ -1,13 +1,12 @@
 //! Images: files, or bytes within the document. KTX2 is decoded, the rest stays as it is.
 
-use std::collections::HashMap;
-
 use super::buffers::Buffers;
 use super::fault::Fault;
 use super::ktx2;
 use super::schema::Root;
 use super::uri::{self, Target};
 use insula_source::object::SourceImage;
+use std::collections::HashMap;
 
 /// The images of a document, each loaded once.
 pub(super) struct Images<'a> {

@@ -1,10 +1,9 @@
 //! KTX2 images with ETC1S or UASTC texels.
 
-use std::borrow::Cow;
-use std::io::Read;
-
 use super::fault::{Budget, Fault};
 use crate::bytes::{u32_at, u64_at};
+use std::borrow::Cow;
+use std::io::Read;
 
 const MAGIC: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 /// Bytes before the index of levels.

@@ -1,13 +1,12 @@
 //! EXT_meshopt_compression and KHR_meshopt_compression.
 
+use super::fault::{Budget, Fault};
+use super::schema::Meshopt;
 use meshoptimizer_rs::codec::{
     decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat, decode_index_buffer,
     decode_index_sequence, decode_vertex_buffer,
 };
 use meshoptimizer_rs::{Error, Workspace};
-
-use super::fault::{Budget, Fault};
-use super::schema::Meshopt;
 
 /// Decompresses a buffer view.
 pub(super) fn decode(compressed: &Meshopt, source: &[u8], budget: &Budget) -> Result<Vec<u8>, Fault> {

@@ -1,7 +1,5 @@
 //! EXT_structural_metadata: property tables as attributes of features.
 
-use serde_json::Value;
-
 use super::GltfScene;
 use super::buffers::Buffers;
 use super::extras::push_value;
@@ -10,6 +8,7 @@ use super::metadata_schema::{ClassProperty, EnumType, MetadataSchema, Structural
 use super::metadata_values::{NUMBERS, Values};
 use crate::bytes::NumberType;
 use insula_source::attributes::{AttributeValue, Attributes};
+use serde_json::Value;
 
 const KIND: &str = "property of a table cannot be read";
 /// Semantics and names of properties that identify a feature, best first.

@@ -1,9 +1,8 @@
 //! The JSON of EXT_structural_metadata that is read: classes, enums and property tables.
 
-use std::collections::BTreeMap;
-
 use serde::Deserialize;
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]

@@ -1,9 +1,8 @@
 //! Packed values of a property of EXT_structural_metadata.
 
-use serde_json::Value;
-
 use crate::bytes::{Number, NumberType};
 use insula_source::attributes::MAX_ATTRIBUTES;
+use serde_json::Value;
 
 /// Names of the types of numbers.
 pub(super) const NUMBERS: &str = "INT8 UINT8 INT16 UINT16 INT32 UINT32 INT64 UINT64 FLOAT32 FLOAT64";

@@ -27,20 +27,18 @@ mod triangles;
 mod uri;
 mod version1;
 
-use std::io;
-use std::rc::Rc;
-
 use buffers::Buffers;
 use fault::Budget;
 use images::Images;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{SourceImage, SourceMaterial, TriangleMesh};
+pub(crate) use metadata::PropertyTable;
 use primitive::PrimitiveContext;
 use scene::SceneBuilder;
-
-pub(crate) use metadata::PropertyTable;
 pub use source::read;
+use std::io;
+use std::rc::Rc;
 
 #[cfg(not(feature = "draco"))]
 mod draco {

@@ -1,17 +1,13 @@
 //! Primitives in the space of their mesh.
 
-use std::rc::Rc;
-
 use super::accessor::{self, Column};
 use super::buffers::Buffers;
 use super::draco::{self, DracoMesh};
-use super::extras;
 use super::fault::Fault;
-use super::features;
 use super::materials::TextureUse;
 use super::schema::{Primitive, PrimitiveExtensions, Root};
-use super::triangles;
-use super::{Attributes, FeatureIds};
+use super::{Attributes, FeatureIds, extras, features, triangles};
+use std::rc::Rc;
 
 /// A primitive in the space of its mesh.
 #[derive(Debug, Default)]

@@ -1,18 +1,14 @@
 //! The tree of nodes: primitives with the transforms of their nodes.
 
-use std::collections::HashMap;
-use std::rc::Rc;
-
-use glam::{DMat4, DQuat, DVec3};
-
-use super::accessor;
-use super::extras;
 use super::fault::Fault;
-use super::features;
 use super::primitive::{self, LocalPrimitive, PrimitiveContext};
 use super::schema::{Instancing, Node, Root, Skin};
-use super::triangles;
-use super::{Attributes, FeatureIdValues, FeatureIds, GltfPrimitive, GltfScene, MeshNode};
+use super::{
+    Attributes, FeatureIdValues, FeatureIds, GltfPrimitive, GltfScene, MeshNode, accessor, extras, features, triangles,
+};
+use glam::{DMat4, DQuat, DVec3};
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// An instance whose place has no content makes a mesh of nothing. It counts as so many elements without content.
 const ZEROS_OF_INSTANCE: u64 = 64;

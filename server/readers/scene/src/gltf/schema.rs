@@ -1,11 +1,9 @@
 //! The parts of glTF's JSON that are read, with those of its extensions.
 
-use std::collections::BTreeMap;
-
+use super::metadata_schema::StructuralMetadata;
 use serde::Deserialize;
 use serde_json::value::RawValue;
-
-use super::metadata_schema::StructuralMetadata;
+use std::collections::BTreeMap;
 
 /// Text of a member that is parsed only if needed.
 pub(super) type Raw = Option<Box<RawValue>>;

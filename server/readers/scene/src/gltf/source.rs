@@ -1,13 +1,12 @@
 //! A `.gltf` or `.glb` file as a source of its own.
 
-use std::collections::{BTreeMap, HashMap};
-use std::io::{self, Read};
-
 use super::{FeatureIdValues, FeatureIds, GltfOptions, GltfPrimitive, GltfScene, decode, z_up};
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceObject, TriangleMesh};
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Read};
 
 /// Bytes of memory of a decoded vertex, with its triangles.
 const BYTES_PER_VERTEX: u64 = 64;

@@ -1,10 +1,9 @@
 //! URIs of buffers and images: `data:` with its content, or the path of a file.
 
+use super::fault::Fault;
 use base64::Engine;
 use base64::alphabet::{STANDARD, URL_SAFE};
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-
-use super::fault::Fault;
 
 /// Where a URI leads.
 #[derive(Debug, PartialEq)]

@@ -1,10 +1,9 @@
 //! glTF 1.0, which old b3dm have: named items become numbered ones, shaders' diffuse values become base colours.
 
-use serde_json::{Map, Value, json};
-
 use super::document::{Document, check_required};
 use super::schema::Root;
 use insula_source::error::InputError;
+use serde_json::{Map, Value, json};
 
 /// Lists of version 2.0 that are members by name in version 1.0.
 const LISTS: [&str; 10] =

@@ -1,5 +1,7 @@
 //! Geometry buffers that Draco compressed.
 
+use super::mesh::{NO_FEATURE, NodeMesh};
+use crate::bytes::array_at;
 use draco_core::decode_limits::DecodeLimits;
 use draco_core::decoder_buffer::DecoderBuffer;
 use draco_core::draco_types::DataType;
@@ -7,9 +9,6 @@ use draco_core::geometry_attribute::{GeometryAttributeType, PointAttribute};
 use draco_core::geometry_indices::{FaceIndex, PointIndex};
 use draco_core::mesh::Mesh;
 use draco_core::mesh_decoder::MeshDecoder;
-
-use super::mesh::{NO_FEATURE, NodeMesh};
-use crate::bytes::array_at;
 
 /// First bytes of a compressed buffer.
 pub(super) const MAGIC: &[u8; 5] = b"DRACO";

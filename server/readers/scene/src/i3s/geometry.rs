@@ -1,11 +1,10 @@
 //! Geometry buffers that are not compressed: attributes one after the other, triangles by threes of vertices.
 
-use serde_json::{Map, Value};
-
 use super::attributes::NUMBERS;
 use super::layer::{BufferJson, FormatJson, SchemaJson};
 use super::mesh::{NO_FEATURE, NodeMesh};
 use crate::bytes::{NumberType, array_at, f32_at, f64_at, part, u16_at, u32_at, u64_at};
+use serde_json::{Map, Value};
 
 /// Which attribute of vertices or features a part of a buffer has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

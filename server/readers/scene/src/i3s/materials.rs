@@ -1,14 +1,13 @@
 //! Materials of nodes and their textures.
 
-use serde::Deserialize;
-use serde_json::{Map, Value};
-
 use super::layer::{LayerJson, MaterialJson, TextureFormatJson};
 use super::nodes::MaterialSource;
 use super::resources::{Resource, Resources};
 use crate::gltf;
 use crate::tiles3d::uri;
 use insula_source::object::{SourceMaterial, SourceTexture, Wrap};
+use serde::Deserialize;
+use serde_json::{Map, Value};
 
 /// The cutoff of masks if the layer tells none.
 const DEFAULT_ALPHA_CUTOFF: f32 = 0.25;

@@ -1,8 +1,7 @@
 //! The mesh of a node, decoded.
 
-use std::collections::BTreeMap;
-
 use insula_source::object::TriangleMesh;
+use std::collections::BTreeMap;
 
 /// Triangles of a node.
 #[derive(Debug, Default, PartialEq)]

@@ -1,12 +1,10 @@
 //! The tree of nodes of a layer, in pages or in one document for each node.
 
-use std::collections::HashMap;
-
-use serde::Deserialize;
-
 use super::layer::LayerJson;
 use super::resources::Resources;
 use crate::tiles3d::uri;
+use serde::Deserialize;
+use std::collections::HashMap;
 
 /// Pages that are kept in memory.
 const MAX_PAGES: usize = 256;

@@ -1,8 +1,5 @@
 //! Walks through the nodes of a layer and passes on the objects of the finest ones.
 
-use std::collections::HashSet;
-
-use super::Objects;
 use super::attributes::NodeAttributes;
 use super::geometry::Layout;
 use super::layer::{GeometryDefinitionJson, LayerJson};
@@ -10,11 +7,12 @@ use super::mesh::NodeMesh;
 use super::nodes::{GeometrySource, Node, NodeId, NodeResources, Nodes};
 use super::place::LayerPlace;
 use super::resources::{Resource, Resources};
-use super::{atlas, draco, materials};
+use super::{Objects, atlas, draco, materials};
 use crate::tiles3d::kind;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, Shape, SourceObject, TriangleMesh, Wrap};
+use std::collections::HashSet;
 
 /// Layers with more nodes are refused.
 const MAX_NODES: usize = 1 << 24;

@@ -1,13 +1,11 @@
 //! Where the resources of a layer lie: in a package, in a folder or on a server.
 
-use std::cell::Cell;
-use std::io;
-
-use serde::de::DeserializeOwned;
-
 use crate::tiles3d::files::TileFiles;
 use crate::tiles3d::uri;
 use insula_source::json::without_bom;
+use serde::de::DeserializeOwned;
+use std::cell::Cell;
+use std::io;
 
 /// What a resource is: it decides the extensions that its file may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

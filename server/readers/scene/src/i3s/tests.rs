@@ -1,16 +1,13 @@
 //! Tests of whole layers, whose files are made here.
 
-use std::path::Path;
-
-use serde_json::{Value, json};
-
 use super::read;
 use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceImage};
-use insula_source::testing::TestFiles;
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestFiles, TestSink};
+use serde_json::{Value, json};
+use std::path::Path;
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) {
     let path = folder.join(name);

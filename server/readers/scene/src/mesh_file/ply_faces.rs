@@ -1,13 +1,12 @@
 //! Faces of a PLY as triangles and polygons, grouped by texture.
 
-use std::collections::{BTreeMap, HashMap};
-
 use super::FileMesh;
 use super::ply_colour::{ColourPlaces, colour_of};
 use insula_dress::polygon::is_fan;
 use insula_simplify::model::ply_header::PlyElement;
 use insula_simplify::model::ply_values::PlyRow;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Surface, TriangleMesh, Wrap};
+use std::collections::{BTreeMap, HashMap};
 
 /// Names of the list of a face's corners.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];

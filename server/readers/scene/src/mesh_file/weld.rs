@@ -1,8 +1,7 @@
 //! Vertices without repeated positions.
 
-use std::collections::HashMap;
-
 use insula_source::object::TriangleMesh;
+use std::collections::HashMap;
 
 /// Collects triangles; corners at exactly the same position share a vertex.
 #[derive(Debug, Default)]

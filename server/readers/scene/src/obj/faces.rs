@@ -1,11 +1,10 @@
 //! Makes polygons and meshes of the faces of an object.
 
-use std::collections::HashMap;
-
 use super::materials::FaceMaterial;
 use super::parse::{NONE, ObjFace, ObjFile};
 use insula_dress::polygon::{NO_AREA, is_fan};
 use insula_source::object::{ObjectSink, Shape, Surface, TriangleMesh};
+use std::collections::HashMap;
 
 /// An object of more faces is a scan: its triangles are meshes, which take a tenth of the memory of polygons.
 const MAX_POLYGONS: usize = 1 << 16;

@@ -1,9 +1,8 @@
 //! Groups the faces of an OBJ into objects: by its own groups, else by connected components.
 
-use std::collections::HashMap;
-
 use super::parse::{ObjFace, ObjFile};
 use insula_simplify::disjoint_sets::DisjointSets;
+use std::collections::HashMap;
 
 /// Positions that round to the same millimetre are welded, because in some files each triangle has its own corners.
 const WELD_PER_M: f64 = 1000.0;

@@ -1,10 +1,9 @@
 //! Reports the objects that an OBJ names and that are merged or have no faces.
 
-use std::collections::HashSet;
-
 use super::grouping::{FaceGroups, GroupedBy};
 use super::parse::{ObjFace, ObjFile};
 use insula_source::object::ObjectSink;
+use std::collections::HashSet;
 
 /// Reports the lines that begin an object which the sink does not get. Of several lines that begin an object, all but the first
 /// are merged into it. Names without any of the `usable` faces are skipped.

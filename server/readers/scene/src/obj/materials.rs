@@ -1,14 +1,13 @@
 //! Materials that faces use, of all libraries that a file names.
 
-use std::collections::HashMap;
-use std::rc::Rc;
-
 use super::mtl::{self, MtlMaterial};
 use super::parse::{ObjFace, ObjFile};
 use insula_source::input::Input;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, unit_to_byte};
 use insula_source::problems::LIBRARY_MISSING;
 use insula_source::source::read_sibling;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// Larger material libraries are not read.
 const MAX_LIBRARY_BYTES: u64 = 64 << 20;

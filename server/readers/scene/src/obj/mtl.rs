@@ -1,8 +1,8 @@
 //! Parses material libraries. Only the diffuse colour, its texture and what tells glass are used.
 
-use std::{collections::HashMap, ops::RangeInclusive};
-
 use insula_source::text::{decoded, decoded_line, likely_encoding};
+use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
 /// Options of `map_Kd` and their number of arguments.
 const MAP_OPTIONS: &[(&str, usize)] = &[

@@ -1,15 +1,14 @@
 //! Parses the lines of an OBJ into arrays. Names and indices are not resolved yet, because libraries and vertices may
 //! come after their use.
 
-use std::collections::HashMap;
-use std::io::BufRead;
-
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
 use insula_source::problems::MESH_UNIT;
 use insula_source::source::{NextLine, next_line};
 use insula_source::text::decoded_line;
 use insula_source::units::metres_of;
+use std::collections::HashMap;
+use std::io::BufRead;
 
 /// Longer lines are treated as damage.
 const MAX_LINE_BYTES: usize = 1 << 22;

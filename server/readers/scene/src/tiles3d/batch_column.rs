@@ -1,10 +1,9 @@
 //! Columns of batch tables: lists, or parts of the binary.
 
-use serde_json::Value;
-
 use crate::bytes::{Number, NumberType, part};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::json::attributes::flatten_value;
+use serde_json::Value;
 
 /// The values of one attribute.
 #[derive(Debug)]

@@ -1,10 +1,9 @@
 //! Batch tables: the attributes of a tile's features.
 
-use serde_json::{Map, Value};
-
 use super::batch_column::Column;
 use super::hierarchy::Hierarchy;
 use insula_source::attributes::Attributes;
+use serde_json::{Map, Value};
 
 /// The extension by which features have classes and parents.
 const HIERARCHY: &str = "3DTILES_batch_table_hierarchy";

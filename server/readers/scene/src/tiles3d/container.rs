@@ -1,8 +1,7 @@
 //! The containers of tiles of version 1.0: b3dm, i3dm, cmpt and pnts.
 
-use serde_json::{Map, Value};
-
 use crate::bytes::{part, u32_at};
+use serde_json::{Map, Value};
 
 /// A length of tables that is in truth the start of JSON or of a GLB: the file has an older header without that length.
 const FIRST_BYTES_OF_TEXT: u32 = 0x2200_0000;

@@ -1,8 +1,5 @@
 //! The content of one tile: its container, its glTF and its features.
 
-use std::io;
-use std::rc::Rc;
-
 use super::batch_table::BatchTable;
 use super::container::{self, Container, InstancedGltf, Tables};
 use super::instances::Instances;
@@ -14,6 +11,8 @@ use crate::gltf;
 use crate::gltf::{GltfOptions, GltfScene};
 use glam::{DMat4, DVec3};
 use insula_source::object::{FeatureKind, Shape, SourceObject};
+use std::io;
+use std::rc::Rc;
 
 /// Composite tiles are nested at most this deep.
 const MAX_COMPOSITE_DEPTH: u32 = 8;

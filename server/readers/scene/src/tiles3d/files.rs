@@ -1,10 +1,9 @@
 //! Files of a source that consists of many: opened by name, unpacked, counted and within the limit.
 
-use std::cell::Cell;
-use std::io::{self, Read};
-
 use insula_source::input::Input;
 use insula_source::packed::unpacked;
+use std::cell::Cell;
+use std::io::{self, Read};
 
 /// The files of a source.
 pub(crate) struct TileFiles<'a> {

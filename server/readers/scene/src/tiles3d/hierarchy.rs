@@ -1,9 +1,8 @@
 //! The extension 3DTILES_batch_table_hierarchy: features are instances of classes and inherit the attributes of parents.
 
-use serde_json::Value;
-
 use super::batch_column::Column;
 use insula_source::attributes::Attributes;
+use serde_json::Value;
 
 /// Parents, grandparents and so on of which a feature inherits attributes.
 const MAX_ANCESTORS: usize = 64;

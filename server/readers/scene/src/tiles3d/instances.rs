@@ -1,12 +1,11 @@
 //! Instances of i3dm: where and how often a glTF stands.
 
-use glam::{DMat3, DMat4, DVec3};
-use serde_json::Value;
-
 use super::batch_column::component_by_name;
 use super::container::Tables;
 use super::globe;
 use crate::bytes::{Number, NumberType, f32_at, part, u16_at};
+use glam::{DMat3, DMat4, DVec3};
+use serde_json::Value;
 
 /// The instances of a tile.
 #[derive(Debug)]

@@ -22,9 +22,8 @@ mod tileset;
 pub(crate) mod uri;
 mod volume;
 
-use glam::DMat4;
-
 use files::TileFiles;
+use glam::DMat4;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;

@@ -1,18 +1,16 @@
 //! Objects of decoded tiles: one for each feature, or one for the tile.
 
-use std::collections::BTreeMap;
-
-use glam::{DMat4, DVec3};
-
 use super::batch_table::BatchTable;
 use super::reader::{ContentFault, Place, TileReader};
 use super::tile::Tile;
 use super::{globe, kind, uri};
 use crate::gltf::{FeatureIds, GltfPrimitive, GltfScene};
+use glam::{DMat4, DVec3};
 use insula_source::attributes::Attributes;
 use insula_source::object::{
     CrsReference, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
 };
+use std::collections::BTreeMap;
 
 /// Transforms with larger numbers are refused: no place on Earth needs them.
 const MAX_TRANSFORM: f64 = 1e12;

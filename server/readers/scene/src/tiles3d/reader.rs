@@ -1,10 +1,5 @@
 //! Walks through the tree of a tileset and takes the finest contents.
 
-use std::collections::{BTreeSet, HashSet};
-use std::rc::Rc;
-
-use glam::DMat4;
-
 use super::container::first_character;
 use super::files::TileFiles;
 use super::tile::{Tile, UpAxis};
@@ -12,11 +7,14 @@ use super::tileset::{ContentJson, TileJson, TilesetJson};
 use super::volume::Volume;
 use super::{kind, uri};
 use crate::gltf::GltfScene;
+use glam::DMat4;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::json::attributes::flatten;
 use insula_source::object::ObjectSink;
 use insula_source::problems::{TILE_NOT_FETCHED, TILE_NOT_READ, TILE_UNREADABLE};
+use std::collections::{BTreeSet, HashSet};
+use std::rc::Rc;
 
 /// Tilesets with more tiles are refused.
 const MAX_TILES: u64 = 1 << 25;

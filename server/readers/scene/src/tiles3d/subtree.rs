@@ -1,9 +1,8 @@
 //! Binary subtrees of implicit tilings: which of their tiles, contents and child subtrees exist.
 
-use serde::Deserialize;
-
 use super::uri;
 use crate::bytes::{part, u32_at, u64_at};
+use serde::Deserialize;
 
 const MAGIC: &[u8; 4] = b"subt";
 const HEADER_BYTES: usize = 24;

@@ -1,16 +1,14 @@
 //! Tests of whole tilesets, whose files are made here.
 
-use std::path::Path;
-
-use glam::DVec3;
-use serde_json::{Value, json};
-
 use super::{globe, read};
 use crate::gltf::tests::document::Document;
+use glam::DVec3;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceObject};
 use insula_source::testing::{TestFiles, TestSink, gzip};
+use serde_json::{Value, json};
+use std::path::Path;
 
 /// A GLB with a triangle for each of `batch_ids` at `x` and up to 1 m beside: (x, 0, 0), (x + 1, 0, 0), (x, 1, 0) in glTF axes.
 fn glb(x: f32, batch_ids: &[u8]) -> Vec<u8> {

@@ -1,8 +1,7 @@
 //! A tile whose content is read.
 
-use glam::DMat4;
-
 use crate::gltf::z_up;
+use glam::DMat4;
 use insula_source::attributes::Attributes;
 use insula_source::object::FeatureKind;
 

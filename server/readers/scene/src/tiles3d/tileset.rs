@@ -1,9 +1,9 @@
 //! The JSON of a tileset.
 
-use serde::Deserialize;
-
 use insula_source::error::InputError;
-use insula_source::json::{members::Members, without_bom};
+use insula_source::json::members::Members;
+use insula_source::json::without_bom;
+use serde::Deserialize;
 
 /// A `tileset.json`. Members that are not read are left out.
 #[derive(Debug, Deserialize)]

@@ -1,9 +1,8 @@
 //! Bounding volumes, only to leave out tiles outside of the wanted part of the Earth.
 
-use glam::{DMat4, DVec3};
-
 use super::globe;
 use super::tileset::VolumeJson;
+use glam::{DMat4, DVec3};
 
 /// Degrees that a volume may be wrong.
 const MARGIN_DEG: f64 = 1e-6;

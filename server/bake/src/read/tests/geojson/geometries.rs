@@ -3,8 +3,7 @@
 use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
 use crate::read::{AxisOrders, FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::Scene;
-use insula_source::problems::SWAPPED;
-use insula_source::problems::{EITHER_ORDER, NO_GROUND_HEIGHT};
+use insula_source::problems::{EITHER_ORDER, NO_GROUND_HEIGHT, SWAPPED};
 
 /// Lowest and highest world height.
 fn heights_m(scene: &Scene) -> [f64; 2] {

@@ -2,13 +2,11 @@
 
 mod geometries;
 
-use std::collections::BTreeMap;
-
-use glam::DVec3;
-
 use crate::read::{DuplicateOption, InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
+use glam::DVec3;
 use insula_source::problems::EITHER_ORDER;
+use std::collections::BTreeMap;
 
 fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     // Also objects that stand in the same place.

@@ -1,14 +1,12 @@
 //! Where the points of a file are, and how they are packed.
 
-use std::io::{BufReader, Seek, SeekFrom};
-
-use laz::LazVlr;
-use laz::laszip::ChunkTable;
-
 use super::super::error::RasterError;
 use super::super::source::Source;
 use super::header::Header;
 use super::packing::{self, Packing};
+use laz::LazVlr;
+use laz::laszip::ChunkTable;
+use std::io::{BufReader, Seek, SeekFrom};
 
 /// Points of a chunk of a file that is not packed.
 const PLAIN_POINTS: u64 = 1 << 16;

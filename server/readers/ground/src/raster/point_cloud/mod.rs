@@ -26,10 +26,6 @@ mod survey;
 #[cfg(test)]
 mod tests;
 
-use std::io::{Read, Seek, SeekFrom, Write};
-
-use tempfile::SpooledTempFile;
-
 use super::error::RasterError;
 use super::facts::{RasterFacts, RasterLimits, SampleKind, Window};
 use super::source::Source;
@@ -39,7 +35,9 @@ use header::Header;
 use layout::Layout;
 use points::{PointFilter, PointKind};
 use records::Records;
+use std::io::{Read, Seek, SeekFrom, Write};
 use survey::Survey;
+use tempfile::SpooledTempFile;
 
 /// Cells take 20 bytes each while points are read.
 const MAX_CELLS: u64 = 1 << 26;

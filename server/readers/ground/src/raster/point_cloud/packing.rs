@@ -2,13 +2,11 @@
 //!
 //! The decoder panics on some damaged files; that ends the reading with an error like any other damage.
 
-use std::io::{Cursor, Read};
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
+use super::super::error::RasterError;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LasZipError, LazItem, LazItemType};
-
-use super::super::error::RasterError;
+use std::io::{Cursor, Read};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Layers of the fields that all points of the formats 6 to 10 have.
 const POINT_LAYERS: usize = 9;

@@ -1,14 +1,12 @@
 //! Reads the points of a file in order, and classifies them as ground or not.
 
-use std::io::{BufReader, Read, Seek, SeekFrom};
-
-use rayon::prelude::*;
-
 use super::super::error::RasterError;
 use super::super::source::Source;
 use super::header::{Header, Scaling};
 use super::layout::{Chunk, Layout};
 use super::packing::{Packing, unpack_sequential};
+use rayon::prelude::*;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 
 /// Chunks with more points are read on their own, without a list of their points. Writers make chunks of 50,000.
 const MAX_LISTED_POINTS: u64 = 1 << 18;

@@ -2,11 +2,10 @@
 //!
 //! Its `bounds` are not read: many writers state the world there, and Cesium does not use them either.
 
-use serde::Deserialize;
-
 use super::super::error::RasterError;
 use super::template::{Template, USUAL};
 use super::tiling::{MAX_LEVEL, Projection};
+use serde::Deserialize;
 
 /// Further templates are not read. They are mirrors of the first one.
 const MAX_TEMPLATES: usize = 16;

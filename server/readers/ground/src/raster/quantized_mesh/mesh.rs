@@ -3,11 +3,9 @@
 //! Own code: the crate `quantized-mesh` 0.3 does not check indices or heights, unpacks gzip without a limit, and takes
 //! 32-bit indices for 65,536 vertices, where the format still has 16-bit ones.
 
-use std::io::Read;
-
-use flate2::read::GzDecoder;
-
 use super::super::error::RasterError;
+use flate2::read::GzDecoder;
+use std::io::Read;
 
 /// The coordinate of a tile's eastern or northern edge, and the highest height.
 pub(super) const MAX_COORDINATE: f32 = 32767.0;

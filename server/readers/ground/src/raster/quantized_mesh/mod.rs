@@ -18,9 +18,6 @@ mod template;
 mod tests;
 mod tiling;
 
-use std::io;
-use std::sync::Arc;
-
 use self::layer::Layer;
 use self::mesh::Triangle;
 use self::pyramid::{Pyramid, TileRange};
@@ -29,6 +26,8 @@ use super::cache::BlockCache;
 use super::error::RasterError;
 use super::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::place::GeoPlace;
+use std::io;
+use std::sync::Arc;
 
 /// Pixels along a side of a raster. A finer level with more is left out.
 const MAX_PIXELS: u32 = 1 << 31;

@@ -1,12 +1,11 @@
 //! The tiles that exist, by the names of the files.
 
-use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
-
 use super::super::error::RasterError;
 use super::layer::Layer;
 use super::template::{NamedTile, Template};
 use super::tiling::{MAX_LEVEL, TileId};
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// A terrain with more tiles is refused.
 const MAX_TILES: usize = 1 << 26;

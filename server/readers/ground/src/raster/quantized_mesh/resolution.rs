@@ -1,8 +1,7 @@
 //! How many pixels a tile has.
 
-use std::sync::Arc;
-
 use super::mesh::{MAX_COORDINATE, Triangle};
+use std::sync::Arc;
 
 /// Pixels along a tile's side: those of most writers' grids, which have 65 points.
 pub(super) const MIN_SIDE: u32 = 64;

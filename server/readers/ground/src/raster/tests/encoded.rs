@@ -1,11 +1,9 @@
 //! Files of the encoder of `tiff`, with each of its compressions.
 
+use super::{assert_heights, colours, heights};
 use std::io::Cursor;
-
 use tiff::encoder::colortype::{ColorType, Gray16, Gray32Float, Gray64Float, GrayI16, GrayI32, RGB8};
 use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder, TiffValue};
-
-use super::{assert_heights, colours, heights};
 
 const SIZE: u32 = 40;
 

@@ -8,9 +8,8 @@ mod other_formats;
 mod pixels;
 mod tiff_file;
 
-use std::io::Cursor;
-
 use super::{Raster, RasterError, RasterLimits, Window};
+use std::io::Cursor;
 
 fn open(bytes: &[u8]) -> Result<Raster, RasterError> {
     open_named(bytes, "file")

@@ -1,9 +1,8 @@
 //! SRTM tiles, ASCII grids, pictures and JPEG 2000.
 
-use std::io::Cursor;
-
 use super::super::{RasterError, Window};
 use super::{assert_heights, colours, heights, open, open_named};
+use std::io::Cursor;
 
 #[test]
 fn srtm_tiles() {

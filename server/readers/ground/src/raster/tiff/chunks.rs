@@ -1,13 +1,12 @@
 //! Reads tiles and strips, and visits the numbers of a window.
 
-use std::sync::Arc;
-
 use super::super::cache::BlockCache;
 use super::super::error::RasterError;
 use super::super::facts::{RasterLimits, RasterSize, Window};
 use super::directory::TiffFile;
 use super::layout::{Layout, YCBCR};
 use super::{numbers, picture_chunk, unpack};
+use std::sync::Arc;
 
 /// A file, the tiles and strips of it that were used last, and bounds of memory.
 pub(super) struct Chunks {

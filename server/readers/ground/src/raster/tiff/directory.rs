@@ -1,10 +1,9 @@
 //! The directories of a TIFF file: which tags an image has, and where their values are. Values are read when they are
 //! asked for.
 
-use std::ops::Range;
-
 use super::super::error::RasterError;
 use super::super::source::Source;
+use std::ops::Range;
 
 /// Directories with more entries are damaged.
 const MAX_ENTRIES: u64 = 4096;

@@ -10,8 +10,6 @@ mod numbers;
 mod picture_chunk;
 mod unpack;
 
-use std::collections::HashSet;
-
 use self::chunks::{Chunks, TiffImage};
 use self::colours::{Colours, alpha_band};
 use self::directory::{Directory, TiffFile};
@@ -21,6 +19,7 @@ use self::layout::{Layout, PALETTE};
 use super::error::RasterError;
 use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 use super::source::Source;
+use std::collections::HashSet;
 
 const SUBFILE_TYPE: u16 = 254;
 const REDUCED: u64 = 1;

@@ -1,15 +1,13 @@
 //! Tiles and strips that are JPEG or WebP pictures.
 
-use std::io::Cursor;
-
+use super::super::error::RasterError;
+use super::super::facts::RasterSize;
 use image::ImageDecoder;
 use image::codecs::webp::WebPDecoder;
+use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::options::DecoderOptions;
-
-use super::super::error::RasterError;
-use super::super::facts::RasterSize;
 
 /// Unpacks a JPEG picture to the numbers it stores: what they mean, such as YCbCr, is known to the TIFF alone.
 ///

@@ -1,11 +1,10 @@
 //! Unpacks tiles and strips.
 
-use std::io::Read;
-
-use flate2::read::ZlibDecoder;
-use weezl::{BitOrder, LzwStatus, decode::Configuration};
-
 use super::super::error::RasterError;
+use flate2::read::ZlibDecoder;
+use std::io::Read;
+use weezl::decode::Configuration;
+use weezl::{BitOrder, LzwStatus};
 
 pub(super) const NOT_COMPRESSED: u64 = 1;
 const LZW: u64 = 5;

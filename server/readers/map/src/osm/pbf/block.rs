@@ -1,11 +1,10 @@
 //! Elements of a block of a PBF file (`PrimitiveBlock`).
 
-use std::ops::{ControlFlow, Range};
-
 use super::wire::{Packed, WireFault, fields, zigzag};
 use crate::osm::element::{Element, ElementId, Member, Tags, Visit, id_of_position, position};
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
+use std::ops::{ControlFlow, Range};
 
 /// Ways with more nodes are left out. The database of OpenStreetMap allows 2,000.
 const MAX_REFS: usize = 1 << 20;

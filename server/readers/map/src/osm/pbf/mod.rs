@@ -5,16 +5,14 @@
 mod block;
 mod wire;
 
-use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
-
-use flate2::read::ZlibDecoder;
-
 use super::element::{ElementFile, Pass, Position, Visit, of_history, position};
 use block::{BlockContent, BlockDecoder, BlockFault, Visitor, Wanted};
+use flate2::read::ZlibDecoder;
 use insula_source::error::InputError;
 use insula_source::input::{Input, LocalFile};
 use insula_source::object::ObjectSink;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use wire::{WireFault, fields, zigzag};
 
 /// Limits of the format.

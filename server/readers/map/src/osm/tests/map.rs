@@ -1,16 +1,13 @@
 //! Small maps that are written in every form of a file.
 
-use std::io::Write;
-
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
-
 use crate::osm::collect::Limits;
 use crate::osm::read_within;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 use insula_source::error::InputError;
 use insula_source::input::Input;
-use insula_source::testing::TestFiles;
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestFiles, TestSink};
+use std::io::Write;
 
 type Tags = Vec<(&'static str, &'static str)>;
 

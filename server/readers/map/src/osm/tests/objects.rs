@@ -4,8 +4,7 @@ use super::map::{Map, read_bytes, read_limited, read_map};
 use crate::osm::collect::Limits;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::{CrsReference, Description, FeatureKind, Shape, SourceObject, Strip};
-use insula_source::testing::TestSink;
-use insula_source::testing::gzip;
+use insula_source::testing::{TestSink, gzip};
 
 /// A map with an object of each form, parts, and multipolygons.
 fn town() -> Map {

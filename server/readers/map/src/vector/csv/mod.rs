@@ -2,14 +2,12 @@
 
 mod place;
 
-use ::csv::{ByteRecord, Reader, ReaderBuilder};
-use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
-use std::io::{BufRead, Read};
-
 use super::feature::{DEGREES, FeatureWriter};
 use super::geometry::Geometry;
 use super::layer::Layer;
 use super::{geojson, local, wkb, wkt};
+use ::csv::{ByteRecord, Reader, ReaderBuilder};
+use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
@@ -17,6 +15,7 @@ use insula_source::object::{Description, ObjectSink};
 use insula_source::problems::ENCODING_GUESSED;
 use insula_source::text::{decoded, is_hardly_western, likely_encoding, split_words};
 use place::Place;
+use std::io::{BufRead, Read};
 
 /// Names of geometry columns, in lower case, the most certain first.
 pub(super) const GEOMETRY_NAMES: [&str; 10] =

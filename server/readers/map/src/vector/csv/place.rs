@@ -1,9 +1,8 @@
 //! Which columns have the place of a line.
 
-use std::borrow::Cow;
-
 use super::NO_GEOMETRY;
 use crate::vector::geometry::{Geometry, MALFORMED};
+use std::borrow::Cow;
 
 /// Names of columns of longitudes and latitudes, in lower case without what separates words.
 const LONGITUDES: [&str; 10] =

@@ -1,8 +1,7 @@
 //! Geometry tables: flat coordinates, ends of rings or lines, and nested parts.
 
-use ::flatgeobuf::{Geometry as Table, GeometryType};
-
 use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
+use ::flatgeobuf::{Geometry as Table, GeometryType};
 use insula_source::arc::divide_arcs;
 
 /// Reads a geometry, in which missing heights are not a number. `header_type` is that of the whole file; `Unknown` if each geometry

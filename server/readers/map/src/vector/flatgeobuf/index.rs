@@ -1,13 +1,11 @@
 //! The packed Hilbert R-tree between header and features: nodes of a box and an offset, from the root to the leaves.
 
-use std::io::{self, BufRead, Read};
-
-use ::flatgeobuf::Header;
-
 use super::Schema;
 use crate::vector::feature::are_apart;
+use ::flatgeobuf::Header;
 use insula_source::error::InputError;
 use insula_source::input::Input;
+use std::io::{self, BufRead, Read};
 
 /// West, south, east, north, and an offset.
 const NODE_BYTES: u64 = 40;

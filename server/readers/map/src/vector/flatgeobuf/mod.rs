@@ -8,19 +8,17 @@ mod index;
 mod properties;
 mod share;
 
-use std::io::{self, BufRead, Read};
-
-use ::flatgeobuf::{Feature, Header, size_prefixed_root_as_feature, size_prefixed_root_as_header};
-
 use super::feature::FeatureWriter;
 use super::geometry::{Geometry, MALFORMED};
 use super::layer::Layer;
+use ::flatgeobuf::{Feature, Header, size_prefixed_root_as_feature, size_prefixed_root_as_header};
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput, Share};
 use insula_source::json::metadata;
 use insula_source::object::{Description, ObjectSink};
 use properties::Column;
+use std::io::{self, BufRead, Read};
 
 const MAX_HEADER_BYTES: u32 = 10 << 20;
 /// Magic bytes: `fgb`, the major version, `fgb`, the patch version.

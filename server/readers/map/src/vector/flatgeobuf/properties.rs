@@ -2,7 +2,6 @@
 
 use ::flatgeobuf::{Column as ColumnTable, ColumnType};
 use flatbuffers::{ForwardsUOffset, Vector};
-
 use insula_source::attributes::{AttributeValue, Attributes};
 
 /// Name and type of an attribute.

@@ -1,8 +1,6 @@
 //! A share of a file: the features between two places, which the index gives. Without an index, and where only an area is wanted, the
 //! first share is the whole file.
 
-use std::io::Read;
-
 use super::super::feature::{FeatureWriter, MAX_DECISIVE};
 use super::{
     MAGIC_BYTES, TICK_FEATURES, begin, feature_of, geometry_of, header_of, index, read_feature, read_frame, read_header,
@@ -10,6 +8,7 @@ use super::{
 use insula_source::error::InputError;
 use insula_source::input::{Input, Share};
 use insula_source::object::ObjectSink;
+use std::io::Read;
 
 /// Reads a share of a source. Fails as reading the whole source does, and if the index does not have the features in their order.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {

@@ -1,9 +1,5 @@
 //! Reads the features of a source one at a time.
 
-use std::io::BufRead;
-
-use serde_json::Value;
-
 use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
@@ -19,6 +15,8 @@ use insula_source::json::{lenient, metadata};
 use insula_source::object::{CrsReference, FeatureKind};
 use insula_source::source::{NextLine, next_line};
 use insula_source::subject;
+use serde_json::Value;
+use std::io::BufRead;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;

@@ -1,13 +1,12 @@
 //! Geometries of GeoJSON and JSON-FG.
 
-use serde::Deserialize;
-
 use super::schema::GeoJsonGeometry;
 use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use crate::vector::orient::ring_area_vector;
 use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
 use insula_source::json::position::JsonPosition;
+use serde::Deserialize;
 
 /// Types whose documents are read as one feature without properties.
 pub(super) const GEOMETRY_TYPES: [&str; 7] =

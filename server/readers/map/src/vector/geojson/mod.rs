@@ -5,8 +5,6 @@ mod geometry;
 mod schema;
 mod stream;
 
-use std::io::{BufRead, Cursor, Read};
-
 use super::feature::FeatureWriter;
 use features::FeatureReader;
 pub(super) use features::is_of_lines;
@@ -15,7 +13,7 @@ use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
 use insula_source::source::{SourceKind, kind_by_name};
-
+use std::io::{BufRead, Cursor, Read};
 pub use stream::{is_type, read_type};
 
 /// Bytes in which the end of the first line is looked for.

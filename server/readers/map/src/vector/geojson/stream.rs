@@ -1,19 +1,17 @@
 //! Parses a GeoJSON document as a stream. Only one feature is in memory at a time.
 
-use std::cell::{Cell, RefCell};
-use std::fmt;
-use std::io::{self, BufRead, Read};
-
-use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_json::value::RawValue;
-use serde_json::{Map, Value};
-
 use super::features::FeatureReader;
 use super::geometry::GEOMETRY_TYPES;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::json::lenient::LenientReader;
 use insula_source::source::{CitySource, open};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+use std::cell::{Cell, RefCell};
+use std::fmt;
+use std::io::{self, BufRead, Read};
 
 /// Bytes at the end of a document in which its coordinate system is looked for.
 const END_BYTES: usize = 1 << 14;

@@ -6,15 +6,6 @@
 mod blob;
 mod tables;
 
-use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use rusqlite::config::DbConfig;
-use rusqlite::limits::Limit;
-use rusqlite::types::ValueRef;
-use rusqlite::{Connection, OpenFlags, Row};
-
 use super::feature::FeatureWriter;
 use super::layer::Layer;
 use insula_source::attributes::{AttributeValue, Attributes};
@@ -22,6 +13,13 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink};
 use insula_source::problems::UNSAVED;
+use rusqlite::config::DbConfig;
+use rusqlite::limits::Limit;
+use rusqlite::types::ValueRef;
+use rusqlite::{Connection, OpenFlags, Row};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use tables::{Column, ColumnType, FeatureTable};
 
 /// Instructions of SQLite between two checks of the time that a row takes.

@@ -1,5 +1,6 @@
 //! Values of columns as attributes: members of structs as `outer.inner`, items of lists as `name.0`.
 
+use super::metadata::GeoColumn;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
     ArrowPrimitiveType, Date32Type, Decimal32Type, Decimal64Type, Decimal128Type, Float16Type, Float32Type,
@@ -8,8 +9,6 @@ use arrow_array::types::{
 };
 use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveArray, StringArray, StructArray};
 use arrow_schema::{DataType, Schema, TimeUnit};
-
-use super::metadata::GeoColumn;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 
 /// Values nested deeper are left out.

@@ -1,13 +1,12 @@
 //! The geometry column, its encoding and coordinate system, and the boxes of row groups.
 
+use crate::vector::csv::GEOMETRY_NAMES;
+use crate::vector::feature::{DEGREES, are_apart};
 use arrow_schema::{DataType, Schema};
 use parquet::basic::LogicalType;
 use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::statistics::Statistics;
 use serde_json::Value;
-
-use crate::vector::csv::GEOMETRY_NAMES;
-use crate::vector::feature::{DEGREES, are_apart};
 
 /// Names of geometry columns of files without metadata, in lower case, the most certain first. Columns of texts have those of CSV.
 const USUAL_NAMES: [&str; 5] = ["geometry", "geom", "wkb_geometry", "wkb", "the_geom"];

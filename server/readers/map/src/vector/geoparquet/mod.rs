@@ -8,30 +8,27 @@ mod metadata;
 mod native;
 mod parquet_file;
 
-use std::collections::BTreeSet;
-use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
-use arrow_array::{Array, BinaryArray, RecordBatch, StringArray};
-use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
-};
-use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
-use parquet::file::reader::Length;
-
-use super::csv;
 use super::feature::{FeatureWriter, MAX_DECISIVE};
 use super::geometry::Geometry;
 use super::layer::Layer;
-use super::wkb;
+use super::{csv, wkb};
+use arrow_array::{Array, BinaryArray, RecordBatch, StringArray};
 use columns::ColumnValues;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, Share};
 use insula_source::object::{Description, ObjectSink};
 use metadata::{GeoColumn, GeometryEncoding};
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
+use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
+use parquet::file::reader::Length;
 use parquet_file::ParquetFile;
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Rows that are decoded at once.
 const BATCH_ROWS: usize = 1024;

@@ -1,11 +1,10 @@
 //! Geometries as nested lists of positions, which are structs of `x`, `y` and perhaps `z`.
 
+use super::metadata::NestedKind;
+use crate::vector::geometry::{Geometry, MALFORMED, Polygon, Ring, UNKNOWN_TYPE};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use arrow_array::{Array, ArrayRef, StructArray};
-
-use super::metadata::NestedKind;
-use crate::vector::geometry::{Geometry, MALFORMED, Polygon, Ring, UNKNOWN_TYPE};
 
 /// Reads the geometry of a row. Fails with the reason for skipping the feature.
 pub(crate) fn read(

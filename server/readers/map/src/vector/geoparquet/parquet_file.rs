@@ -1,11 +1,10 @@
 //! A file as the parquet crate reads it.
 
-use std::io::{BufReader, Read};
-
 use bytes::Bytes;
 use insula_source::random_file::{RandomFile, RandomReader};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length};
+use std::io::{BufReader, Read};
 
 /// A file that is read in any order.
 #[derive(Clone)]

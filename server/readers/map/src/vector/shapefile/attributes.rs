@@ -1,9 +1,8 @@
 //! The table of attributes, in dBASE format: columns of fixed width.
 
-use std::io::{BufRead, Read};
-
 use super::encoding::{Charset, decode, encoding_of, is_odd};
 use insula_source::attributes::{AttributeValue, Attributes};
+use std::io::{BufRead, Read};
 
 const HEADER_BYTES: usize = 32;
 const COLUMN_BYTES: usize = 32;

@@ -7,8 +7,6 @@ mod encoding;
 mod multipatch;
 mod shapes;
 
-use std::io::{BufRead, Read};
-
 use super::feature::FeatureWriter;
 use super::layer::Layer;
 use super::local;
@@ -18,6 +16,7 @@ use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
 use insula_source::problems::{DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, NO_ATTRIBUTES};
+use std::io::{BufRead, Read};
 
 const HEADER_BYTES: usize = 100;
 const FILE_CODE: u32 = 9994;

@@ -1,11 +1,10 @@
 //! FlatGeobuf.
 
+use super::{assert_shares_are_the_whole, attack, attack_share, attributes, read, rings, run, run_share, square, text};
+use crate::vector::read_flatgeobuf;
 use flatgeobuf::geozero::error::Result as GeozeroResult;
 use flatgeobuf::geozero::{ColumnValue, GeomProcessor, GeozeroGeometry, PropertyProcessor};
 use flatgeobuf::{ColumnType, FgbCrs, FgbWriter, FgbWriterOptions, GeometryType};
-
-use super::{assert_shares_are_the_whole, attack, attack_share, attributes, read, rings, run, run_share, square, text};
-use crate::vector::read_flatgeobuf;
 use insula_source::attributes::AttributeValue;
 use insula_source::input::Share;
 use insula_source::object::{FeatureKind, Shape};

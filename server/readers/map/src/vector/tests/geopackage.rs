@@ -1,12 +1,11 @@
 //! GeoPackages.
 
-use rusqlite::Connection;
-
 use super::{attack, attributes, polygon_wkb, read, rings, run, square, text};
 use crate::vector::read_geopackage;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Description;
 use insula_source::problems::UNSAVED;
+use rusqlite::Connection;
 
 const SCHEMA: &str = "
     CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT, srs_id INTEGER PRIMARY KEY, organization TEXT,

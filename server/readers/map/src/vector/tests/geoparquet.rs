@@ -1,24 +1,24 @@
 //! GeoParquet.
 
-use std::sync::Arc;
-
-use arrow_array::builder::{BinaryBuilder, ListBuilder, MapBuilder, StringBuilder, StructBuilder};
-use arrow_array::{ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array};
-use arrow_array::{RecordBatch, StringArray, StructArray, TimestampMillisecondArray};
-use arrow_schema::{DataType, Field};
-use parquet::arrow::ArrowWriter;
-use parquet::basic::Compression;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
-
 use super::{
     assert_shares_are_the_whole, attack, attack_share, attributes, polygon_wkb, read, rings, run, run_share, square,
     text,
 };
 use crate::vector::read_geoparquet;
+use arrow_array::builder::{BinaryBuilder, ListBuilder, MapBuilder, StringBuilder, StructBuilder};
+use arrow_array::{
+    ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray,
+    StructArray, TimestampMillisecondArray,
+};
+use arrow_schema::{DataType, Field};
 use insula_source::attributes::AttributeValue;
 use insula_source::input::Share;
 use insula_source::object::{Description, FeatureKind, Shape, SourceObject};
+use parquet::arrow::ArrowWriter;
+use parquet::basic::Compression;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use std::sync::Arc;
 
 const WKB: &str = r#"{"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": {"encoding": "WKB"}}}"#;
 

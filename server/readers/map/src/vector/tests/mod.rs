@@ -9,15 +9,13 @@ mod shapefile;
 mod wkb;
 mod wkt;
 
-use std::fs;
-
 use super::geometry::Geometry;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, Share};
 use insula_source::object::{Footprint, ObjectSink, Shape};
-use insula_source::testing::TestFiles;
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestFiles, TestSink};
+use std::fs;
 
 type Reader = fn(&Input<'_>, &mut dyn ObjectSink) -> Result<(), InputError>;
 

@@ -1,11 +1,9 @@
 //! A small document that tests change.
 
-use std::io;
-
-use serde_json::{Value, json};
-
 use super::super::{GltfOptions, GltfScene, decode};
 use insula_source::error::InputError;
+use serde_json::{Value, json};
+use std::io;
 
 /// Corners of a square on the ground, counter-clockwise from above.
 pub(super) const QUAD: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, -1.0], [0.0, 0.0, -1.0]];

@@ -1,9 +1,8 @@
 //! Documents that are damaged or made to do harm.
 
-use serde_json::json;
-
 use super::document::{Document, decode_bytes, decode_document, decode_json};
 use insula_source::error::InputError;
+use serde_json::json;
 
 #[test]
 fn truncated_glb_is_an_error_at_every_length() {

@@ -1,16 +1,13 @@
 //! Tests of a file as a source of its own.
 
-use std::fs;
-
-use serde_json::json;
-
 use super::super::read;
 use super::document::Document;
 use insula_source::attributes::AttributeValue;
 use insula_source::input::Input;
 use insula_source::object::{Shape, TriangleMesh};
-use insula_source::testing::TestFiles;
-use insula_source::testing::TestSink;
+use insula_source::testing::{TestFiles, TestSink};
+use serde_json::json;
+use std::fs;
 
 fn read_document(document: &Document) -> TestSink {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,8 +1,7 @@
 //! Point clouds made by hand.
 
-use std::io::{Cursor, Write};
-
 use laz::{LasZipCompressor, LazVlrBuilder};
+use std::io::{Cursor, Write};
 
 /// A point; the numbers are centimetres.
 #[derive(Debug, Clone, Copy)]

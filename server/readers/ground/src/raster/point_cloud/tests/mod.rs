@@ -8,13 +8,12 @@ mod hostile;
 mod packed;
 mod systems;
 
-use std::io::Cursor;
-
 use super::super::error::RasterError;
 use super::super::facts::{RasterFacts, RasterLimits, Window};
 use super::super::source::Source;
 use super::super::tests::assert_heights;
 use super::PointCloud;
+use std::io::Cursor;
 
 const LIMITS: RasterLimits = RasterLimits {
     max_chunk_bytes: 1 << 23,

@@ -1,12 +1,11 @@
 //! Tiles that are damaged by accident or on purpose.
 
-use std::panic::catch_unwind;
-
 use super::super::super::facts::Window;
 use super::super::mesh::read_triangles;
 use super::writer::{LAYER, Terrain, Tile};
 use super::{Random, RasterError, RasterLimits};
 use insula_source::testing::gzip;
+use std::panic::catch_unwind;
 
 const MAX_BYTES: u64 = 1 << 20;
 /// Offset of the number of vertices.

@@ -1,10 +1,9 @@
 //! Writes tiles and terrains in memory.
 
-use std::collections::BTreeMap;
-use std::io;
-
 use super::super::super::facts::{RasterFacts, RasterLimits, Window};
 use super::super::{QuantizedMesh, RasterError, TileFiles};
+use std::collections::BTreeMap;
+use std::io;
 
 pub(super) const LAYER: &str = r#"{"format": "quantized-mesh-1.0", "tiles": ["{z}/{x}/{y}.terrain?v={version}"]}"#;
 
