@@ -242,11 +242,10 @@ impl Manifest {
         }
         let numbers = self.origin.iter().chain(&self.bounds[0]).chain(&self.bounds[1]);
         let numbers = numbers.chain(self.sea.iter().flat_map(SeaEnds::lengths));
-        let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([
-            &self.root_side_m,
-            &self.cell_m,
-            &self.ground_z_m,
-        ]);
+        let all = numbers
+            .chain(&self.focus[0])
+            .chain(&self.focus[1])
+            .chain([&self.root_side_m, &self.cell_m, &self.ground_z_m]);
         if !all.clone().all(|v| v.is_finite() && v.abs() < 1e10) || self.cell_m <= 0.0 || self.root_side_m <= 0.0 {
             return Err("a length is not finite, not positive or over 10^10".into());
         }

@@ -153,10 +153,7 @@ fn model(mut light: Light, sun_z: f32) -> Light {
         *colour = graded(*colour, grey, gain);
     }
     for colour in [
-        &mut light.sky_wall,
-        &mut light.sky_wall_ahead,
-        &mut light.sky_wall_axis,
-        &mut light.ground_sun,
+        &mut light.sky_wall, &mut light.sky_wall_ahead, &mut light.sky_wall_axis, &mut light.ground_sun,
         &mut light.ground_sky,
     ] {
         *colour = graded(*colour, grey, wall_gain);
@@ -197,16 +194,8 @@ fn paper(mut light: Light) -> Light {
     let grey = |v: f32| [v, v, v, 0.0];
     let least = light.sky_up[3];
     for colour in [
-        &mut light.sun,
-        &mut light.sky_wall_axis,
-        &mut light.ground_sun,
-        &mut light.ground_sky,
-        &mut light.facade_sun,
-        &mut light.facade_sky,
-        &mut light.haze,
-        &mut light.street,
-        &mut light.window,
-        &mut light.moon,
+        &mut light.sun, &mut light.sky_wall_axis, &mut light.ground_sun, &mut light.ground_sky, &mut light.facade_sun,
+        &mut light.facade_sky, &mut light.haze, &mut light.street, &mut light.window, &mut light.moon,
     ] {
         *colour = [0.0; 4];
     }

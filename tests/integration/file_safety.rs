@@ -382,12 +382,7 @@ fn outputs_replace_only_earlier_outputs() {
         refused.push(format!("foreign{end}"));
         // Links to what must not be written, with a name that the command takes.
         for (number, target) in [
-            "town.geojson",
-            "a.off",
-            "camera.json",
-            "path.json",
-            "city/city.json",
-            "city/blockmaps.pmtiles",
+            "town.geojson", "a.off", "camera.json", "path.json", "city/city.json", "city/blockmaps.pmtiles",
             "work/job.json",
         ]
         .into_iter()

@@ -77,28 +77,11 @@ pub(crate) const COMMANDS: [&str; 54] = [
 const SNAPSHOT: &str = "insula snapshot --camera camera.json --size 16x12 --adapter cpu";
 /// Where somebody may put a file.
 const FOREIGN: [&str; 22] = [
-    "a/notes.txt",
-    "a/job.json",
-    "a/thumbnail.jpg",
-    "a/plan/notes.txt",
-    "a/tiles/holiday.png",
-    "a/list/notes.txt",
-    "b/scan/0/My photo.png",
-    "b/city/impressum.html",
-    "b/assets/mine/holiday.png",
-    "b/temporary/mine.txt",
-    "c/insula-site.json",
-    "c/cities/town/impressum.html",
-    "c/search.index",
-    "c/tileset.json",
-    "c/content/0/0/0.glb",
-    "city/holiday.jpg",
-    "a.partial/mine.txt",
-    "a.partial/packs/mine.pack",
-    "c.partial/city/mine.tmp",
-    ".a.publish/new/mine.html",
-    ".b.publish/lock",
-    "b.job",
+    "a/notes.txt", "a/job.json", "a/thumbnail.jpg", "a/plan/notes.txt", "a/tiles/holiday.png", "a/list/notes.txt",
+    "b/scan/0/My photo.png", "b/city/impressum.html", "b/assets/mine/holiday.png", "b/temporary/mine.txt",
+    "c/insula-site.json", "c/cities/town/impressum.html", "c/search.index", "c/tileset.json", "c/content/0/0/0.glb",
+    "city/holiday.jpg", "a.partial/mine.txt", "a.partial/packs/mine.pack", "c.partial/city/mine.tmp",
+    ".a.publish/new/mine.html", ".b.publish/lock", "b.job",
 ];
 /// Links that somebody made, and where they lead.
 const LINKS: [(&str, &str); 4] =
@@ -111,14 +94,8 @@ const OUTPUTS: [&str; 10] =
     ["out", "out", "thesis", "to-thesis", "to-none", "a/out", "city/new", "work/scan/new", "in/new", "link/new"];
 /// Outputs whose names say something else.
 const FALSE_OUTPUTS: [&str; 8] = [
-    "a/city.json",
-    "city/meshes.pmtiles",
-    "b/job.json",
-    "work/job.json",
-    "town.geojson",
-    "in/part.geojson",
-    "c/insula-site.json",
-    "mine/diary.txt",
+    "a/city.json", "city/meshes.pmtiles", "b/job.json", "work/job.json", "town.geojson", "in/part.geojson",
+    "c/insula-site.json", "mine/diary.txt",
 ];
 /// Largest time after which a command is killed, in milliseconds.
 const MAX_KILL_MS: usize = 400;

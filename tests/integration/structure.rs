@@ -8,46 +8,20 @@ use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
-        modules_import_without_circles,
-        only_stream_fetches,
-        only_render_and_ui_name_wgpu,
-        viewer_knows_no_clock_thread_or_file,
-        bakes_use_portable_functions,
-        functions_are_short_enough_to_read,
-        no_file_is_included_by_path,
-        files_are_written_and_removed_by_few,
-        type_names_have_one_definition
+        modules_import_without_circles, only_stream_fetches, only_render_and_ui_name_wgpu,
+        viewer_knows_no_clock_thread_or_file, bakes_use_portable_functions, functions_are_short_enough_to_read,
+        no_file_is_included_by_path, files_are_written_and_removed_by_few, type_names_have_one_definition
     ]);
 }
 
 /// Folders of the crates' sources.
 const CRATES: [&str; 26] = [
-    "protocol/src",
-    "protocol/archive/src",
-    "protocol/objects/src",
-    "shaders/src",
-    "client/viewer/src",
-    "client/src",
-    "client/web/src",
-    "server/analysis/src",
-    "server/bake/src",
-    "server/draw/src",
-    "server/dress/src",
-    "server/export/src",
-    "server/occlusion/src",
-    "server/place/src",
-    "server/readers/city/src",
-    "server/readers/ground/src",
-    "server/readers/map/src",
-    "server/readers/scene/src",
-    "server/roam/src",
-    "server/scratch/src",
-    "server/simplify/src",
-    "server/source/src",
-    "server/visibility/src",
-    "server/src",
-    "tests/harness",
-    "tests/support/src",
+    "protocol/src", "protocol/archive/src", "protocol/objects/src", "shaders/src", "client/viewer/src", "client/src",
+    "client/web/src", "server/analysis/src", "server/bake/src", "server/draw/src", "server/dress/src",
+    "server/export/src", "server/occlusion/src", "server/place/src", "server/readers/city/src",
+    "server/readers/ground/src", "server/readers/map/src", "server/readers/scene/src", "server/roam/src",
+    "server/scratch/src", "server/simplify/src", "server/source/src", "server/visibility/src", "server/src",
+    "tests/harness", "tests/support/src",
 ];
 const MAX_RUST_FUNCTION: usize = 80;
 const MAX_WGSL_FUNCTION: usize = 90;
@@ -83,27 +57,16 @@ fn assert_only(source: &str, words: &[&str], allowed: &[&str]) {
 /// case in `file_safety`.
 fn files_are_written_and_removed_by_few() {
     let words = [
-        "fs::write(",
-        " File::create(",
-        "(File::create(",
-        "fs::File::create(",
-        "fs::rename(",
-        "remove_dir_all(",
-        "remove_file(",
-        "remove_dir(",
+        "fs::write(", " File::create(", "(File::create(", "fs::File::create(", "fs::rename(", "remove_dir_all(",
+        "remove_file(", "remove_dir(",
     ];
     let of_archive = ["new_file.rs", "owned.rs", "disk_cache.rs"].map(|file| format!("protocol/archive/src/{file}"));
     let of_server = ["commands/site_folder.rs"].map(|file| format!("server/src/{file}"));
     let of_bake = ["write/files.rs", "write/ownership.rs", "write/scratch_folder.rs", "pipeline/steps/work.rs"];
     // Files in scratch folders, which are checked before.
     let of_scratch = [
-        "scene/",
-        "write/",
-        "read/part.rs",
-        "pipeline/steps/generated.rs",
-        "pipeline/steps/region_file.rs",
-        "pipeline/steps/scan.rs",
-        "pipeline/steps/shuffle.rs",
+        "scene/", "write/", "read/part.rs", "pipeline/steps/generated.rs", "pipeline/steps/region_file.rs",
+        "pipeline/steps/scan.rs", "pipeline/steps/shuffle.rs",
     ];
     let of_bake = of_bake.iter().chain(&of_scratch).map(|file| format!("server/bake/src/{file}"));
     // It removes only temporary files that this process created.
@@ -133,9 +96,7 @@ fn only_render_and_ui_name_wgpu() {
         "client/",
         &["wgpu::", "egui_wgpu"],
         &[
-            "client/src/render/",
-            "client/src/ui/",
-            "client/viewer/src/render/gpu.rs",
+            "client/src/render/", "client/src/ui/", "client/viewer/src/render/gpu.rs",
             "client/web/src/browser/gpu_canvas.rs",
         ],
     );
@@ -187,25 +148,12 @@ fn no_file_is_included_by_path() {
 
 /// Folders of readers and writers. Each has the words of its format (node, class, column), which no other module sees.
 const FORMATS: [&str; 19] = [
-    "server/readers/city/src/cityjson/",
-    "server/readers/city/src/citygml/",
-    "server/place/src/crs/",
-    "server/readers/scene/src/gltf/",
-    "server/readers/scene/src/i3s/",
-    "server/readers/scene/src/mesh_file/",
-    "server/readers/map/src/osm/",
-    "server/place/src/placement/",
-    "server/readers/ground/src/raster/",
-    "server/dress/src/roof/",
-    "server/readers/scene/src/tiles3d/",
-    "server/readers/map/src/vector/",
-    "server/export/src/boxes/",
-    "server/export/src/cityjson/",
-    "server/export/src/geometry.rs",
-    "server/export/src/glb/",
-    "server/export/src/raster/",
-    "server/export/src/table/",
-    "server/export/src/tiles3d/",
+    "server/readers/city/src/cityjson/", "server/readers/city/src/citygml/", "server/place/src/crs/",
+    "server/readers/scene/src/gltf/", "server/readers/scene/src/i3s/", "server/readers/scene/src/mesh_file/",
+    "server/readers/map/src/osm/", "server/place/src/placement/", "server/readers/ground/src/raster/",
+    "server/dress/src/roof/", "server/readers/scene/src/tiles3d/", "server/readers/map/src/vector/",
+    "server/export/src/boxes/", "server/export/src/cityjson/", "server/export/src/geometry.rs",
+    "server/export/src/glb/", "server/export/src/raster/", "server/export/src/table/", "server/export/src/tiles3d/",
 ];
 
 fn type_names_have_one_definition() {

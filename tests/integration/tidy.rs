@@ -6,13 +6,8 @@ use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
-        stages_of_the_pipeline_exist,
-        every_module_has_a_doc,
-        public_items_have_docs,
-        no_file_is_too_long,
-        no_unfinished_work_is_marked,
-        no_file_names_a_machine,
-        tests_named_by_the_security_page_exist,
+        stages_of_the_pipeline_exist, every_module_has_a_doc, public_items_have_docs, no_file_is_too_long,
+        no_unfinished_work_is_marked, no_file_names_a_machine, tests_named_by_the_security_page_exist,
         links_between_pages_resolve
     ]);
 }

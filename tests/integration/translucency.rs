@@ -11,9 +11,7 @@ use insula_tests::trials::Trials;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
-        taps_gather_the_light_of_a_sphere,
-        taps_gather_the_light_of_a_slab,
-        taps_gather_the_light_of_a_hand,
+        taps_gather_the_light_of_a_sphere, taps_gather_the_light_of_a_slab, taps_gather_the_light_of_a_hand,
         thin_parts_glow_and_thick_ones_do_not
     ]);
 }

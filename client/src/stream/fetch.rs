@@ -299,12 +299,7 @@ mod tests {
     #[test]
     fn no_retry_after_delays_beyond_the_limit() {
         let values = [
-            "99999999",
-            "18446744073709551615",
-            "99999999999999999999999",
-            "-1",
-            "1e9",
-            "Thu, 01 Jan 2099 00:00:00 GMT",
+            "99999999", "18446744073709551615", "99999999999999999999999", "-1", "1e9", "Thu, 01 Jan 2099 00:00:00 GMT",
         ];
         let busy = |value| response(&format!("503 Service Unavailable\r\nretry-after: {value}"), "");
         let url = serve(values.map(busy).to_vec());
@@ -361,12 +356,7 @@ mod tests {
             assert!(satisfies(good), "{good}");
         }
         for wrong in [
-            "bytes 10-15/100",
-            "bytes 10-15/*",
-            "bytes 0-9/100",
-            "bytes 12-19/100",
-            "bytes 10-25/100",
-            "bytes 10-5/6",
+            "bytes 10-15/100", "bytes 10-15/*", "bytes 0-9/100", "bytes 12-19/100", "bytes 10-25/100", "bytes 10-5/6",
             "items 10-19/100",
         ] {
             assert!(!satisfies(wrong), "{wrong}");

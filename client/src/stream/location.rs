@@ -204,13 +204,7 @@ mod tests {
     #[test]
     fn other_text_is_a_usage_error() {
         for invalid in [
-            "h:1",
-            "ftp://h",
-            "http://",
-            "http://h/v1/cities/A",
-            "http://h/v1/cities/a/b",
-            "http://a b",
-            "nowhere",
+            "h:1", "ftp://h", "http://", "http://h/v1/cities/A", "http://h/v1/cities/a/b", "http://a b", "nowhere",
             "http://h/x?y",
         ] {
             assert_eq!(CityLocation::parse(invalid).unwrap_err().exit_code(), 2, "{invalid}");

@@ -98,10 +98,7 @@ impl FileKind {
     pub const ANALYSIS_TABLE: Self = Self::Begins(
         "a table of an analysis",
         &[
-            b"object,identifier,roof_cells",
-            b"id,x,y,z,hours",
-            b"id,x,y,z,percent",
-            b"from,to,length_m",
+            b"object,identifier,roof_cells", b"id,x,y,z,hours", b"id,x,y,z,percent", b"from,to,length_m",
             b"vista,object,identifier",
         ],
     );

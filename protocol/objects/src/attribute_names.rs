@@ -3,67 +3,22 @@
 
 /// Last parts of the names of attributes that are names of objects, in lower case.
 const NAMES: [&str; 20] = [
-    "name",
-    "naam",
-    "nom",
-    "nome",
-    "nombre",
-    "namn",
-    "navn",
-    "nazwa",
-    "bezeichnung",
-    "名称",
-    "名前",
-    "alt_name",
-    "official_name",
-    "short_name",
-    "local_name",
-    "loc_name",
-    "old_name",
-    "housename",
-    "buildingname",
-    "gebaeudename",
+    "name", "naam", "nom", "nome", "nombre", "namn", "navn", "nazwa", "bezeichnung", "名称", "名前", "alt_name",
+    "official_name", "short_name", "local_name", "loc_name", "old_name", "housename", "buildingname", "gebaeudename",
 ];
 /// The same of attributes that are whole addresses. `freeform` is Overture's, `full` OpenStreetMap's `addr:full`.
 const ADDRESSES: [&str; 11] = [
-    "address",
-    "adresse",
-    "adres",
-    "anschrift",
-    "indirizzo",
-    "full_address",
-    "fulladdress",
-    "freeform",
-    "full",
-    "住所",
+    "address", "adresse", "adres", "anschrift", "indirizzo", "full_address", "fulladdress", "freeform", "full", "住所",
     "所在地",
 ];
 /// The same of streets. The numbers of the same group follow them in the text. `thoroughfare` is that of an address in CityGML.
 const STREETS: [&str; 9] = [
-    "street",
-    "streetname",
-    "street_name",
-    "straat",
-    "straatnaam",
-    "strasse",
-    "straße",
-    "strassenname",
-    "thoroughfare",
+    "street", "streetname", "street_name", "straat", "straatnaam", "strasse", "straße", "strassenname", "thoroughfare",
 ];
 /// The same of numbers of houses.
 const NUMBERS: [&str; 12] = [
-    "housenumber",
-    "house_number",
-    "streetnumber",
-    "street_number",
-    "number",
-    "huisnummer",
-    "huisletter",
-    "huisnummertoevoeging",
-    "hausnummer",
-    "hausnummerzusatz",
-    "thoroughfarenumber",
-    "premisenumber",
+    "housenumber", "house_number", "streetnumber", "street_number", "number", "huisnummer", "huisletter",
+    "huisnummertoevoeging", "hausnummer", "hausnummerzusatz", "thoroughfarenumber", "premisenumber",
 ];
 /// Group of `addr:full`: elsewhere `full` is no address.
 const OSM_ADDRESS: &str = "addr:";
@@ -129,64 +84,19 @@ fn is_address(group: &str) -> bool {
 
 /// Last parts of the names of attributes for the use of an object, in lower case and without separators.
 const USES: [&str; 17] = [
-    "function",
-    "usage",
-    "use",
-    "buildinguse",
-    "class",
-    "building",
-    "amenity",
-    "gebruiksdoel",
-    "gebruiksdoelen",
-    "nutzung",
-    "gebaeudefunktion",
-    "funktion",
-    "uso",
-    "utilisation",
-    "currentuse",
-    "用途",
-    "建物用途",
+    "function", "usage", "use", "buildinguse", "class", "building", "amenity", "gebruiksdoel", "gebruiksdoelen",
+    "nutzung", "gebaeudefunktion", "funktion", "uso", "utilisation", "currentuse", "用途", "建物用途",
 ];
 /// The same of the year in which it was built.
 const YEARS: [&str; 19] = [
-    "yearofconstruction",
-    "constructionyear",
-    "yearbuilt",
-    "builtyear",
-    "year",
-    "bouwjaar",
-    "oorspronkelijkbouwjaar",
-    "baujahr",
-    "anneeconstruction",
-    "anneedeconstruction",
-    "annodicostruzione",
-    "anodeconstruccion",
-    "cnstrctyr",
-    "startdate",
-    "constructiondate",
-    "dateofconstruction",
-    "byggeaar",
-    "建築年",
-    "竣工年",
+    "yearofconstruction", "constructionyear", "yearbuilt", "builtyear", "year", "bouwjaar", "oorspronkelijkbouwjaar",
+    "baujahr", "anneeconstruction", "anneedeconstruction", "annodicostruzione", "anodeconstruccion", "cnstrctyr",
+    "startdate", "constructiondate", "dateofconstruction", "byggeaar", "建築年", "竣工年",
 ];
 /// The same of its height.
 const HEIGHTS: [&str; 16] = [
-    "measuredheight",
-    "height",
-    "buildingheight",
-    "heightroof",
-    "roofheight",
-    "hoogte",
-    "hoehe",
-    "höhe",
-    "gebaeudehoehe",
-    "hauteur",
-    "altura",
-    "altezza",
-    "hoejde",
-    "b3hdakmax",
-    "計測高さ",
-    "高さ",
+    "measuredheight", "height", "buildingheight", "heightroof", "roofheight", "hoogte", "hoehe", "höhe",
+    "gebaeudehoehe", "hauteur", "altura", "altezza", "hoejde", "b3hdakmax", "計測高さ", "高さ",
 ];
 
 /// What an attribute tells, in the order in which attributes are shown: the telling ones come first.

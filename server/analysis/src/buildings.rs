@@ -73,17 +73,8 @@ pub struct CityValues<'a> {
 
 /// Names of the columns of [`write_table`], in which `{}` stands for what was computed.
 const COLUMNS: [&str; 11] = [
-    "object",
-    "identifier",
-    "roof_cells",
-    "roof_{}_least",
-    "roof_{}_mean",
-    "roof_{}_most",
-    "wall_points",
-    "wall_{}_least",
-    "wall_{}_mean",
-    "wall_{}_most",
-    "wall_share_reaching",
+    "object", "identifier", "roof_cells", "roof_{}_least", "roof_{}_mean", "roof_{}_most", "wall_points",
+    "wall_{}_least", "wall_{}_mean", "wall_{}_most", "wall_share_reaching",
 ];
 
 /// What is written of buildings.

@@ -113,18 +113,8 @@ fn names(source: &dyn ExportSource, numbers: BTreeSet<u32>) -> Result<HashMap<u3
 }
 
 const COLUMNS: [&str; 12] = [
-    "from",
-    "to",
-    "length_m",
-    "visible",
-    "obstacle_x",
-    "obstacle_y",
-    "obstacle_z",
-    "obstacle_object",
-    "obstacle_identifier",
-    "clearance_m",
-    "clearance_x",
-    "clearance_y",
+    "from", "to", "length_m", "visible", "obstacle_x", "obstacle_y", "obstacle_z", "obstacle_object",
+    "obstacle_identifier", "clearance_m", "clearance_x", "clearance_y",
 ];
 
 fn write_rows(

@@ -16,14 +16,7 @@ use text::TextFonts;
 const PT_PER_MM: f64 = 72.0 / 25.4;
 /// Layers in the order in which they are drawn.
 const LAYERS: [&str; 9] = [
-    "surfaces",
-    "shadows",
-    "translucent surfaces",
-    "hatching",
-    "creases",
-    "intersections",
-    "borders",
-    "silhouettes",
+    "surfaces", "shadows", "translucent surfaces", "hatching", "creases", "intersections", "borders", "silhouettes",
     "sheet",
 ];
 /// Classes of lines by their layer, from that of hatching on.

@@ -225,12 +225,8 @@ mod tests {
         assert_eq!((sheet.look, Stylesheet::parse("look = \"paper\"").unwrap().look), (Look::Model, Look::Paper));
         assert_eq!(sheet.color(FeatureKind::Tunnel), sheet.color(FeatureKind::Furniture));
         for wrong in [
-            "fil = 1",
-            "[colors]\nwater = \"blue\"",
-            "[colors]\nsea = \"#0000ff\"",
-            "sun = [0, 91]",
-            "crease_deg = nan",
-            "look = \"physical\"",
+            "fil = 1", "[colors]\nwater = \"blue\"", "[colors]\nsea = \"#0000ff\"", "sun = [0, 91]",
+            "crease_deg = nan", "look = \"physical\"",
         ] {
             assert!(Stylesheet::parse(wrong).is_err(), "{wrong}");
         }

@@ -17,21 +17,8 @@ const EXTENSIONS: [&str; 2] = [
 ];
 /// SPDX identifiers of licences of open data. Others are `other`, and stand in words beside the source.
 const LICENCES: [&str; 16] = [
-    "CC0-1.0",
-    "CC-BY-3.0",
-    "CC-BY-4.0",
-    "CC-BY-SA-3.0",
-    "CC-BY-SA-4.0",
-    "CC-BY-NC-4.0",
-    "CC-BY-NC-SA-4.0",
-    "CC-BY-ND-4.0",
-    "ODbL-1.0",
-    "ODC-By-1.0",
-    "PDDL-1.0",
-    "DL-DE-BY-2.0",
-    "DL-DE-ZERO-2.0",
-    "OGL-UK-3.0",
-    "etalab-2.0",
+    "CC0-1.0", "CC-BY-3.0", "CC-BY-4.0", "CC-BY-SA-3.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC-BY-NC-SA-4.0",
+    "CC-BY-ND-4.0", "ODbL-1.0", "ODC-By-1.0", "PDDL-1.0", "DL-DE-BY-2.0", "DL-DE-ZERO-2.0", "OGL-UK-3.0", "etalab-2.0",
     "NLOD-2.0",
 ];
 /// Multihash: BLAKE3 of 32 bytes.

@@ -149,17 +149,9 @@ async fn the_policy_of_pages_allows_only_this_host() {
     let service = service(folder.path(), Some(viewer()));
     let policy = get(&service, "/cities/two", &[]).await.header("content-security-policy").to_owned();
     for rule in [
-        "default-src 'none'",
-        "script-src 'self' 'wasm-unsafe-eval'",
-        "style-src 'self'",
-        "img-src 'self' blob: data:",
-        "connect-src 'self'",
-        "worker-src 'self'",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors *",
-        "require-trusted-types-for 'script'",
-        "trusted-types insula",
+        "default-src 'none'", "script-src 'self' 'wasm-unsafe-eval'", "style-src 'self'", "img-src 'self' blob: data:",
+        "connect-src 'self'", "worker-src 'self'", "base-uri 'none'", "form-action 'none'", "frame-ancestors *",
+        "require-trusted-types-for 'script'", "trusted-types insula",
     ] {
         assert!(policy.split("; ").any(|found| found == rule), "{rule} in {policy}");
     }
@@ -399,18 +391,10 @@ fn a_site_of_one_city_opens_it() {
     publish(&[&city], &site).unwrap();
     let files = files_below(&site);
     for file in [
-        "index.html",
-        "service-worker.js",
-        "insula-site.json",
-        "assets/00112233445566ff/app.js",
-        "assets/00112233445566ff/app.js.br",
-        "assets/00112233445566ff/app.js.gz",
-        "cities/two/index.html",
-        "cities/two/city.json",
-        "cities/two/blockmaps.pmtiles",
-        "cities/two/subtrees.pmtiles",
-        "cities/two/meshes.pmtiles",
-        "cities/two/thumbnail.jpg",
+        "index.html", "service-worker.js", "insula-site.json", "assets/00112233445566ff/app.js",
+        "assets/00112233445566ff/app.js.br", "assets/00112233445566ff/app.js.gz", "cities/two/index.html",
+        "cities/two/city.json", "cities/two/blockmaps.pmtiles", "cities/two/subtrees.pmtiles",
+        "cities/two/meshes.pmtiles", "cities/two/thumbnail.jpg",
     ] {
         assert!(files.contains(file), "{file} is not in {files:?}");
     }
@@ -453,10 +437,7 @@ fn only_sites_are_replaced() {
     fs::create_dir(&site).unwrap();
     publish(&[&city], &site).unwrap();
     for foreign in [
-        "letters.txt",
-        "assets/letters.txt",
-        "assets/mine/holiday.png",
-        "cities/two/impressum.html",
+        "letters.txt", "assets/letters.txt", "assets/mine/holiday.png", "cities/two/impressum.html",
         "cities/two/more/index.html",
     ] {
         let path = site.join(foreign);

@@ -12,19 +12,9 @@ use tempfile::TempDir;
 const WITH_PIPES: &str = r#"exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null"#;
 /// Nothing that the browser itself would fetch, and no other process than those of its group.
 const FLAGS: [&str; 15] = [
-    "--headless=new",
-    "--no-sandbox",
-    "--remote-debugging-pipe",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-breakpad",
-    "--disable-crash-reporter",
-    "--disable-dev-shm-usage",
-    "--hide-scrollbars",
-    "--mute-audio",
+    "--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-breakpad",
+    "--disable-crash-reporter", "--disable-dev-shm-usage", "--hide-scrollbars", "--mute-audio",
     "--force-color-profile=srgb",
     // As large as the largest page: each page sets its own size.
     "--window-size=1440,900",

@@ -153,9 +153,7 @@ mod tests {
         let city = |address: &str| CachedCity::new(Arc::new(Nowhere), cache.clone(), address, &empty_manifest(3));
         let key = TileKey::mesh(TileId::new(20, 1_000_000, 1_000_000).unwrap(), 3);
         let evil = [
-            "http://h:7700/v1/cities/test",
-            "https://h/v1/cities/test",
-            "http://h/x/test",
+            "http://h:7700/v1/cities/test", "https://h/v1/cities/test", "http://h/x/test",
             "http://h.evil/v1/cities/test",
         ];
         evil.iter().for_each(|address| city(address).keep(key, &Bytes::from_static(b"evil")));

@@ -21,12 +21,7 @@ fn number_of_threads_does_not_change_the_bytes() {
     assert_eq!(
         with_one.files.keys().collect::<Vec<_>>(),
         [
-            "blockmaps.pmtiles",
-            "city.json",
-            "fingerprints.bin",
-            "meshes.pmtiles",
-            "objects.pmtiles",
-            "search.index",
+            "blockmaps.pmtiles", "city.json", "fingerprints.bin", "meshes.pmtiles", "objects.pmtiles", "search.index",
             "subtrees.pmtiles"
         ]
     );

@@ -9,15 +9,7 @@ use insula_source::problems::GUESSED;
 pub(super) const SLAB_M: f64 = 0.3;
 /// Values of names of kinds and uses that mean a roof without walls, also in the languages of the larger publishers.
 const ROOFS: &[&str] = &[
-    "roof",
-    "canopy",
-    "überdachung",
-    "ueberdachung",
-    "overkapping",
-    "auvent",
-    "tettoia",
-    "pensilina",
-    "marquesina",
+    "roof", "canopy", "überdachung", "ueberdachung", "overkapping", "auvent", "tettoia", "pensilina", "marquesina",
     "wiata",
 ];
 const CARPORTS: &[&str] = &["carport", "carports", "überdachter stellplatz"];
@@ -26,20 +18,8 @@ const ROOF_M: f64 = 4.0;
 const LOW_ROOF_M: f64 = 2.6;
 /// Names of what a building or its part is, in lower case; the first that has a value counts.
 const KINDS: &[&str] = &[
-    "building:part",
-    "building",
-    "fclass",
-    "class",
-    "type",
-    "building_type",
-    "usage",
-    "function",
-    "funktion",
-    "gebaeudefunktion",
-    "bgt_type",
-    "bgt-type",
-    "nature",
-    "tipo",
+    "building:part", "building", "fclass", "class", "type", "building_type", "usage", "function", "funktion",
+    "gebaeudefunktion", "bgt_type", "bgt-type", "nature", "tipo",
 ];
 /// Values that tell nothing.
 const ANY: &[&str] = &["yes", "true", "building", "no"];

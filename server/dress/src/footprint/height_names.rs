@@ -294,16 +294,7 @@ mod tests {
         assert_eq!(role("H_MAAIVELD"), Some((HeightRole::Ground, None)));
         // Limits for vehicles, parts of a roof, a place within a building.
         for name in [
-            "maxheight",
-            "roof:height",
-            "roof_height",
-            "min_height",
-            "level",
-            "floor",
-            "number_of_",
-            "ele",
-            "width",
-            "",
+            "maxheight", "roof:height", "roof_height", "min_height", "level", "floor", "number_of_", "ele", "width", "",
         ] {
             assert_eq!(role(name), None, "{name}");
         }

@@ -19,19 +19,8 @@ pub const INDOORS: &str = "indoors";
 const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
 /// Names that say so as Shapefiles cut it and in other languages, and by a word only: a number there may be one of storeys.
 const IS_UNDERGROUND_BY_WORD: &[&str] = &[
-    "undergroun",
-    "unterirdisch",
-    "souterrain",
-    "subterraneo",
-    "subterráneo",
-    "soterrado",
-    "sotterraneo",
-    "interrato",
-    "ondergronds",
-    "podziemny",
-    "podzemni",
-    "podzemní",
-    "underjordisk",
+    "undergroun", "unterirdisch", "souterrain", "subterraneo", "subterráneo", "soterrado", "sotterraneo", "interrato",
+    "ondergronds", "podziemny", "podzemni", "podzemní", "underjordisk",
 ];
 const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel", "tunel", "túnel", "galleria"];
 /// Names of attributes, each with the value that means below the ground: of INSPIRE, of CityGML and of the German agencies.
@@ -50,13 +39,7 @@ const TUNNELS: &[&str] = &["culvert", "flooded"];
 /// Names of attributes that are negative below the ground, for all kinds: storeys of OpenStreetMap, levels of Overture, the relative
 /// heights of the Dutch, the position of the French and the step of the Swiss base map.
 const LEVELS: &[&str] = &[
-    "level",
-    "max_level",
-    "building:max_level",
-    "relatievehoogteligging",
-    "relatieveh",
-    "hoogteniveau",
-    "pos_sol",
+    "level", "max_level", "building:max_level", "relatievehoogteligging", "relatieveh", "hoogteniveau", "pos_sol",
     "stufe",
 ];
 /// Levels and storeys of buildings. Others are marks of missing ones, such as -9999.

@@ -129,13 +129,7 @@ fn axes_are_those_of_the_registry() {
         (
             "en",
             &[
-                "EPSG:25832",
-                "EPSG:4647",
-                "EPSG:28992",
-                "EPSG:27700",
-                "EPSG:2056",
-                "EPSG:5514",
-                "EPSG:3857",
+                "EPSG:25832", "EPSG:4647", "EPSG:28992", "EPSG:27700", "EPSG:2056", "EPSG:5514", "EPSG:3857",
                 "OGC:CRS84",
             ],
         ),
@@ -340,12 +334,7 @@ fn damaged_texts_give_errors() {
     let deep_json = "[".repeat(100_000);
     assert_eq!(resolve(&format!("{{\"a\":{deep_json}")), Err(CrsError::Unknown));
     for text in [
-        "GEOGCS[]",
-        "GEOGCS[\"x\"]",
-        "EPSG:",
-        "EPSG:99999999999999",
-        "EPSG:4326+5773+5709",
-        "ENU:nan,0,0",
+        "GEOGCS[]", "GEOGCS[\"x\"]", "EPSG:", "EPSG:99999999999999", "EPSG:4326+5773+5709", "ENU:nan,0,0",
         "urn:ogc:def:crs:",
     ] {
         assert!(resolve(text).is_err(), "{text}");

@@ -90,13 +90,8 @@ fn abridged_shift(node: &Node) -> Option<Shift> {
     let mut shift = [0.0; 7];
     for parameter in node.nodes().filter(|node| node.keyword == "PARAMETER") {
         let names = [
-            "X-axis translation",
-            "Y-axis translation",
-            "Z-axis translation",
-            "X-axis rotation",
-            "Y-axis rotation",
-            "Z-axis rotation",
-            "Scale difference",
+            "X-axis translation", "Y-axis translation", "Z-axis translation", "X-axis rotation", "Y-axis rotation",
+            "Z-axis rotation", "Scale difference",
         ];
         let index = names.iter().position(|name| name.eq_ignore_ascii_case(parameter.name()))?;
         shift[index] = parameter.number(1)?;

@@ -58,13 +58,8 @@ mod tests {
         flatten(&members, &mut attributes);
         let found: Vec<String> = attributes.iter().map(|(name, value)| format!("{name}={value:?}")).collect();
         let expected = [
-            "levels=Integer(4)",
-            "height=Float(12.5)",
-            "use=Text(\"church\")",
-            "code=Text(\"007\")",
-            "listed=Bool(true)",
-            "names.primary=Text(\"Kerk\")",
-            "names.others.0=Text(\"a\")",
+            "levels=Integer(4)", "height=Float(12.5)", "use=Text(\"church\")", "code=Text(\"007\")",
+            "listed=Bool(true)", "names.primary=Text(\"Kerk\")", "names.others.0=Text(\"a\")",
             "names.others.1=Integer(2)",
         ];
         assert_eq!(found, expected);

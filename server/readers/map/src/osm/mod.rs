@@ -316,11 +316,7 @@ impl Reading<'_, '_> {
             // Without telling tags on its outer ways either it is no object.
             let Some(class) = relation.class else { continue };
             let polygons = areas_of_relation(
-                relation,
-                &self.survey.relations,
-                &round.members,
-                &round.nodes,
-                &mut self.assembled_left,
+                relation, &self.survey.relations, &round.members, &round.nodes, &mut self.assembled_left,
             );
             self.widen(class, polygons.iter().flatten().flatten().flatten());
             let relations = &self.survey.relations;

@@ -124,17 +124,8 @@ mod tests {
     #[test]
     fn names_outside_of_the_files_are_refused() {
         let uris = [
-            "../../a",
-            "..%2F..%2Fa",
-            "https://example.org/a",
-            "//host/a",
-            "file:///etc/passwd",
-            "C:\\a",
-            "",
-            ".",
-            "..",
-            "?",
-            "a%00b",
+            "../../a", "..%2F..%2Fa", "https://example.org/a", "//host/a", "file:///etc/passwd", "C:\\a", "", ".",
+            "..", "?", "a%00b",
         ];
         for uri in uris {
             assert!(resolve("x", uri, false).is_err(), "{uri}");

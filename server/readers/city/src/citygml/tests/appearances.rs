@@ -52,11 +52,8 @@ fn material_of_a_surface_and_of_its_parent() {
         material("<app:diffuseColor>0 1 0</app:diffuseColor>", "p2"),
         material("<app:isFront>false</app:isFront><app:diffuseColor>0 0 1</app:diffuseColor>", "p1"),
     );
-    let geometry = multi_surface(&[polygon("p1", 1), polygon("p2", 2)]).replacen(
-        "<gml:MultiSurface>",
-        "<gml:MultiSurface gml:id='m'>",
-        1,
-    );
+    let geometry = multi_surface(&[polygon("p1", 1), polygon("p2", 2)])
+        .replacen("<gml:MultiSurface>", "<gml:MultiSurface gml:id='m'>", 1);
     let members = building("b", &geometry).replacen("<bldg:lod2", &format!("{appearance}<bldg:lod2"), 1);
     let sink = read_2(&members);
     let colours: Vec<_> = polygons(&sink.objects[0])

@@ -18,9 +18,7 @@ fn other_formats_projections_and_schemes_are_refused() {
         assert!(open(layer).is_ok(), "{layer}");
     }
     for layer in [
-        r#"{"format": "heightmap-1.0"}"#,
-        r#"{"format": "quantized-mesh-2.0"}"#,
-        r#"{"projection": "EPSG:2056"}"#,
+        r#"{"format": "heightmap-1.0"}"#, r#"{"format": "quantized-mesh-2.0"}"#, r#"{"projection": "EPSG:2056"}"#,
         r#"{"scheme": "other"}"#,
     ] {
         assert!(matches!(open(layer), Err(RasterError::Unsupported(_))), "{layer}");
@@ -65,15 +63,8 @@ fn tiles_are_found_by_the_templates() {
     }
     let usual = Template::new("{z}/{x}/{y}.terrain", "").unwrap();
     for name in [
-        "",
-        "layer.json",
-        "3/4/.terrain",
-        "03/4/5.terrain",
-        "3/4/5.terrain.gz",
-        "3/4/-5.terrain",
-        "a/3/4/5.terrain",
-        "3/4/99999999999.terrain",
-        "3/4/5",
+        "", "layer.json", "3/4/.terrain", "03/4/5.terrain", "3/4/5.terrain.gz", "3/4/-5.terrain", "a/3/4/5.terrain",
+        "3/4/99999999999.terrain", "3/4/5",
     ] {
         assert_eq!(usual.tile(name), None, "{name}");
     }
