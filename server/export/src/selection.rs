@@ -22,17 +22,17 @@ pub struct SelectedArea {
     polygons: Vec<Polygon>,
     /// Lowest y, and bands in a metre.
     from: [f64; 2],
-    bands: Vec<Vec<Edge>>,
+    bands: Vec<Vec<AreaEdge>>,
 }
 
 /// From one corner of a ring to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Edge {
+struct AreaEdge {
     polygon: u32,
     ends: [[f64; 2]; 2],
 }
 
-impl Edge {
+impl AreaEdge {
     /// Where it crosses a line from west to east; `None` if it does not.
     fn crossing(&self, y: f64) -> Option<f64> {
         let [[x0, y0], [x1, y1]] = self.ends;
@@ -47,9 +47,9 @@ impl SelectedArea {
         let rings = (0u32..).zip(&polygons).flat_map(|(polygon, rings)| rings.iter().map(move |ring| (polygon, ring)));
         let edges = rings.flat_map(|(polygon, ring)| {
             let before = ring.last().into_iter().chain(ring);
-            before.zip(ring).map(move |(from, to)| Edge { polygon, ends: [*from, *to] })
+            before.zip(ring).map(move |(from, to)| AreaEdge { polygon, ends: [*from, *to] })
         });
-        let edges: Vec<Edge> = edges.filter(|edge| edge.ends[0][1] != edge.ends[1][1]).collect();
+        let edges: Vec<AreaEdge> = edges.filter(|edge| edge.ends[0][1] != edge.ends[1][1]).collect();
         let ys = || edges.iter().flat_map(|edge| edge.ends).map(|[_, y]| y);
         let (low, high) = (ys().fold(f64::INFINITY, f64::min), ys().fold(f64::NEG_INFINITY, f64::max));
         let mut count = edges.len().clamp(1, MAX_BANDS);
@@ -76,7 +76,7 @@ impl SelectedArea {
     /// Whether a place is in the area.
     #[must_use]
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
-        let is_east = |edge: &&Edge| edge.crossing(y).is_some_and(|crossing| x < crossing);
+        let is_east = |edge: &&AreaEdge| edge.crossing(y).is_some_and(|crossing| x < crossing);
         // The edges of a polygon follow each other.
         let mut crossed = self.bands[self.band(y)].iter().filter(is_east).peekable();
         while let Some(first) = crossed.next() {
@@ -105,7 +105,7 @@ impl SelectedArea {
         ((y - low) * per_metre).clamp(0.0, (self.bands.len() - 1) as f64) as usize
     }
 
-    fn bands_of(&self, edge: &Edge) -> std::ops::RangeInclusive<usize> {
+    fn bands_of(&self, edge: &AreaEdge) -> std::ops::RangeInclusive<usize> {
         let [from, to] = edge.ends.map(|[_, y]| self.band(y));
         from.min(to)..=from.max(to)
     }
