@@ -65,7 +65,7 @@ pub enum Cell {
 /// Where a map of cells ends in water.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CellEnds {
-    /// West, south, east and north end of what is not bare, in cells.
+    /// West, south, east and north end of the cells that are not bare.
     pub ends: [usize; 4],
     /// Length of a step, in cells.
     pub step: usize,

@@ -1,4 +1,4 @@
-//! Which part of a city one sees first: where most of what stands in it is.
+//! The first view of a city: the area in which most of its buildings stand.
 
 use crate::scene::grid::CityGrid;
 use insula_objects::FeatureKind;
@@ -10,8 +10,8 @@ const GAP_SHARE: f64 = 0.35;
 /// Smaller gaps, in leaves, divide nothing: one sees both sides.
 const MIN_GAP: u32 = 16;
 
-/// Where buildings and the like stand: how many of their boxes touch each cell of a grid over the city. Land and what lies on it may reach
-/// far beyond them, and it alone is no view of a city.
+/// The number of buildings and other standing objects whose bounding boxes touch each cell of a grid over the city. Terrain and land use do
+/// not count: they may reach far beyond the buildings.
 #[derive(Debug)]
 pub(crate) struct Standing {
     /// From the scene's origin to the grid's corner.
