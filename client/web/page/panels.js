@@ -5,8 +5,8 @@ import { strings } from './strings.js';
 import { iconButton, uniqueId } from './widgets.js';
 
 /**
- * A panel: its title, its content, and what happens when it opens and closes.
- * @typedef {{title: string, content: Node[], opened?: () => void, closed?: () => void, focus?: HTMLElement}} Panel
+ * A panel: its title, its content, and what happens when it opens and closes. `opened` returns a promise if it fetches content.
+ * @typedef {{title: string, content: Node[], opened?: () => Promise<unknown>|void, closed?: () => void, focus?: HTMLElement}} Panel
  */
 
 /** All panels of the page. */
@@ -70,7 +70,7 @@ export class Panels {
     this.#current = name;
     entry.section.hidden = false;
     entry.button.setAttribute('aria-expanded', 'true');
-    entry.panel.opened?.();
+    markBusy(entry.section, entry.panel.opened?.());
     if (takesFocus) (entry.panel.focus ?? entry.section).focus({ preventScroll: true });
   }
 
@@ -90,6 +90,14 @@ export class Panels {
     if (returnsFocus && hadFocus) entry.button.focus({ preventScroll: true });
     return true;
   }
+}
+
+/** Says that a panel is incomplete until what it fetches has come or failed. */
+function markBusy(section, content) {
+  if (!content) return;
+  section.setAttribute('aria-busy', 'true');
+  const end = () => section.removeAttribute('aria-busy');
+  content.then(end, end);
 }
 
 /**

@@ -1,7 +1,7 @@
 //! The panel of analyses: what the server computes lies on the city, with its legend and numbers, until the panel is closed.
 
 use super::browser;
-use super::controls::{COVERED, LAID_OUT, PHONE};
+use super::controls::{PHONE, covered};
 use super::viewer::{REACTION, ensure_no_problems, keep};
 use anyhow::{Result, ensure};
 use insula_bake::{BakeOptions, GroundOption};
@@ -92,9 +92,8 @@ pub(super) fn a_result_leaves_a_phone_free() -> Result<()> {
     page.page.evaluate(&format!("{PANEL}.querySelector('button.primary').click()"))?;
     page.page.wait_for(&format!("{PANEL}.querySelectorAll('.classes li').length >= 2"), REACTION)?;
     page.page.wait_for(IS_DRAWN, REACTION)?;
-    page.page.evaluate(LAID_OUT)?;
+    let covered = covered(&page)?;
     keep(&page, "analysis-phone")?;
-    let covered = page.page.evaluate(COVERED)?;
     ensure!(covered == json!([]), "{covered}");
     // What was asked about is in the middle of the view.
     let in_middle = "(city => document.elementFromPoint(city.x + city.width / 2, city.y + city.height / 2).localName)\

@@ -7,7 +7,7 @@ use insula_tests::browser::PageOptions;
 use insula_tests::browser::city_page::CityPage;
 use insula_tests::fixtures;
 use insula_tests::programs::{ServerProcess, program};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::process::Command;
 
 /// A narrow phone upright; the narrowest upright, a phone on its side, a frame in an article; a larger one on its side, a tablet, a desktop.
@@ -25,7 +25,7 @@ const LARGER: [PageOptions; 3] = [
 
 /// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, and lines that
 /// are lower than their letters.
-pub(super) const COVERED: &str = "(() => {
+const COVERED: &str = "(() => {
     const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
     const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
     const boxes = all('.title, .toolbar, .panel, .notice, .navigation, .sources, .furniture .lines, .compass, .legend');
@@ -49,9 +49,20 @@ pub(super) const COVERED: &str = "(() => {
     return found;
 })()";
 
-/// The layout follows the height of a panel, which observers report before the second frame.
-pub(super) const LAID_OUT: &str =
-    "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))";
+/// Whether the open panel is complete, and what lies above it knows its height. Observers report a new height before it is painted, so
+/// that only a script can meet the layout in between: what measures it asks for this in the same task.
+pub(super) const IS_LAID_OUT: &str = "(() => {
+    const panels = document.querySelector('.panels');
+    const height = document.documentElement.style.getPropertyValue('--panel-height');
+    return panels.querySelector('.panel[aria-busy]:not([hidden])') === null && height === `${panels.clientHeight}px`;
+})()";
+
+/// What is covered once the page is laid out.
+pub(super) fn covered(page: &CityPage) -> Result<Value> {
+    let measure = format!("(globalThis.insulaCovered = {IS_LAID_OUT} ? {COVERED} : null) !== null");
+    page.page.wait_for(&measure, REACTION)?;
+    page.page.evaluate("globalThis.insulaCovered")
+}
 
 /// A legend, as of a city with objects.
 const LEGEND: &str = "(() => {
@@ -82,8 +93,7 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
                 : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
                 (document.querySelectorAll('.panel')[{panel}]?.id)"
         ))?;
-        page.page.evaluate(LAID_OUT)?;
-        let covered = page.page.evaluate(COVERED)?;
+        let covered = covered(&page)?;
         if covered.as_array().is_none_or(|list| !list.is_empty()) {
             keep(&page, &format!("covered-{width}x{height}-{panel}"))?;
         }
@@ -122,7 +132,7 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     page.page.evaluate("document.querySelector('.tool:has(.icon-measure)').click()")?;
     let result = "document.querySelector('.panel:not([hidden]) .result').textContent";
     page.page.wait_for(&format!("{result} === 'Noch keine Punkte'"), REACTION)?;
-    page.page.evaluate(LAID_OUT)?;
+    page.page.wait_for(IS_LAID_OUT, REACTION)?;
     for at in [[150.0, 165.0], [210.0, 165.0]] {
         page.page.click(at, 1)?;
     }

@@ -1,6 +1,7 @@
 //! Objects in a page: clicks and the panel of attributes, the search, colours with their legend. Objects of 3D Tiles in CesiumJS.
 
 use super::browser;
+use super::controls::IS_LAID_OUT;
 use super::viewer::{PICTURE, REACTION, ensure_no_problems, keep, open_url};
 use anyhow::{Context, Result, ensure};
 use insula_bake::BakeOptions;
@@ -235,6 +236,7 @@ pub(super) fn a_stranger_walks_through_the_page() -> Result<()> {
     let shows = |expression: &str| page.page.wait_for(expression, REACTION);
     let write = |text: &str| text.chars().try_for_each(|letter| page.page.press(&letter.to_string()));
     let click_on = |selector: &str| -> Result<()> {
+        shows(IS_LAID_OUT)?;
         let middle = page.page.evaluate(&format!(
             "(box => [box.x + box.width / 2, box.y + box.height / 2])({panel}.querySelector('{selector}').getBoundingClientRect())"
         ))?;
