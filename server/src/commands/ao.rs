@@ -1,7 +1,7 @@
 //! `ao`: ambient occlusion of a mesh file.
 
 use super::error::CommandError;
-use super::mesh::{mesh_error, read_model, with_spinner};
+use super::mesh::{read_model, with_spinner};
 use super::output::{check_output, print_result, write};
 use crate::args::AoArgs;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,7 +22,7 @@ pub(super) fn run(args: &AoArgs) -> Result<(), CommandError> {
     let compute = implementation(args.gpu)?;
     let model = with_spinner("read", || read_model(&args.mesh))?;
     if model.triangles.is_empty() {
-        return Err(mesh_error(&args.mesh, &"it has no triangles"));
+        return Err(CommandError::file(&args.mesh, "it has no triangles"));
     }
     let settings = OcclusionSettings { views: args.views, map_px: args.map, bent_normals: false };
     let mesh = OccludedMesh { positions: &model.positions, triangles: &model.triangles };
@@ -38,7 +38,7 @@ pub(super) fn run(args: &AoArgs) -> Result<(), CommandError> {
     };
     let found = compute(mesh, &[], settings, &watch);
     bar.finish_and_clear();
-    let found = found.map_err(|error| mesh_error(&args.mesh, &error))?;
+    let found = found.map_err(|error| CommandError::file(&args.mesh, error))?;
     let seconds = start.elapsed().as_secs_f64();
     let (vertices, triangles) = (model.positions.len(), model.triangles.len());
     let least = found.share.iter().copied().fold(1.0, f32::min);

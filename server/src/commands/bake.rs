@@ -56,8 +56,7 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
         error => CommandError::Bake(error.to_string()),
     })?;
     if let Some(path) = &args.report {
-        let json = serde_json::to_vec_pretty(&report)
-            .map_err(|error| CommandError::Write { path: path.clone(), reason: error.to_string() })?;
+        let json = serde_json::to_vec_pretty(&report).map_err(|error| CommandError::write(path, error))?;
         write(path, &json)?;
     }
     unknown_names(&args.read, &report.read).iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));

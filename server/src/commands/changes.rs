@@ -9,7 +9,6 @@ use insula_bake::read::EarthPlace;
 use insula_command_line::output::Outputs;
 use insula_export::changes::{ChangeOptions, ChangeReport, manifest_of_both, write_changes};
 use insula_export::format::Projections;
-use insula_export::table::ExportError;
 use insula_protocol::Manifest;
 use insula_protocol::text::{count, human_bytes, printable};
 use serde_json::json;
@@ -68,9 +67,8 @@ pub(super) fn run(args: &ChangesArgs) -> Result<(), CommandError> {
         epsg: to.and_then(EarthPlace::epsg),
         definition: definition.as_ref(),
     };
-    let failed = |error: ExportError| CommandError::Export { path: args.out.clone(), reason: error.to_string() };
     let changes = write_changes([&earlier, &later], &on_map, &options, (format, &projections), &args.out);
-    report(args, &changes.map_err(failed)?, note);
+    report(args, &changes.map_err(|error| CommandError::file(&args.out, error))?, note);
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! `compare`: how far two surfaces lie from each other, both ways.
 
 use super::error::CommandError;
-use super::mesh::{mesh_error, read_model, surface_of, with_spinner};
+use super::mesh::{read_model, surface_of, with_spinner};
 use super::output::{check_output, print_result, write};
 use crate::args::CompareArgs;
 use crate::store::{CityStore, StoredCity, StoredObjects};
@@ -78,7 +78,7 @@ fn load_both(a: &Path, b: &Path) -> Result<(TriangleModel, TriangleModel), Comma
         (Some(first), Some(second)) if first != second => {
             let what =
                 format!("it is in {second}, and {} in {first}: bake one in the system of the other", a.display());
-            return Err(mesh_error(b, &what));
+            return Err(CommandError::file(b, what));
         }
         (first, second) => first.or(second),
     };
@@ -129,7 +129,7 @@ fn check_places(paths: [&Path; 2], models: [&TriangleModel; 2]) -> Result<(), Co
             "it begins at {second}, and {} at {first}, {gap:.0} away: give both in one place and coordinate system",
             paths[0].display()
         );
-        return Err(mesh_error(paths[1], &what));
+        return Err(CommandError::file(paths[1], what));
     }
     Ok(())
 }
@@ -137,7 +137,7 @@ fn check_places(paths: [&Path; 2], models: [&TriangleModel; 2]) -> Result<(), Co
 /// Every three positions are a triangle. Fails if there are more than a model may have.
 fn separate_triangles(path: &Path, positions: Vec<[f64; 3]>) -> Result<TriangleModel, CommandError> {
     if positions.len() / 3 > MAX_COUNT {
-        return Err(mesh_error(path, &format!("it has more than {MAX_COUNT} triangles: compare a part of it")));
+        return Err(CommandError::file(path, format!("it has more than {MAX_COUNT} triangles: compare a part of it")));
     }
     let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     Ok(TriangleModel { positions, triangles, layers: Vec::new() })
@@ -159,7 +159,7 @@ fn baked_model(folder: &Path) -> Result<TriangleModel, CommandError> {
         if positions.len() / 3 > MAX_COUNT { Err(None::<ExportError>) } else { Ok(()) }
     });
     match visited {
-        Err(Some(error)) => Err(mesh_error(folder, &error)),
+        Err(Some(error)) => Err(CommandError::file(folder, error)),
         Ok(()) | Err(None) => separate_triangles(folder, positions),
     }
 }

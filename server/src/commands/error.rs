@@ -33,12 +33,9 @@ pub enum CommandError {
     /// `verify` found faults and has printed them.
     #[error("{} in {}; bake the city again, or copy it again from an intact source", count(*faults as u64, "fault"), path.display())]
     Faults { path: PathBuf, faults: usize },
+    /// A file or folder that cannot be used or made.
     #[error("{}: {reason}", path.display())]
-    Export { path: PathBuf, reason: String },
-    #[error("{}: {reason}", path.display())]
-    Mesh { path: PathBuf, reason: String },
-    #[error("{}: {reason}", path.display())]
-    Publish { path: PathBuf, reason: String },
+    File { path: PathBuf, reason: String },
     #[error("this program has no viewer to publish: run client/web/build, and build insula-server again")]
     NoViewer,
     #[error("{0}")]
@@ -56,6 +53,14 @@ pub enum CommandError {
 }
 
 impl CommandError {
+    pub(super) fn file(path: impl Into<PathBuf>, reason: impl ToString) -> Self {
+        Self::File { path: path.into(), reason: reason.to_string() }
+    }
+
+    pub(super) fn write(path: impl Into<PathBuf>, reason: impl ToString) -> Self {
+        Self::Write { path: path.into(), reason: reason.to_string() }
+    }
+
     /// 2 for usage errors, 3 for steps that no retry mends, else 1.
     pub fn exit_code(&self) -> u8 {
         match self {

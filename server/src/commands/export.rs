@@ -17,7 +17,7 @@ use insula_export::file;
 use insula_export::format::{Format, PlaneDefinition, Projections};
 use insula_export::glb::{self, ExportView};
 use insula_export::selection::{ObjectSelection, SelectedArea, passing};
-use insula_export::source::{ExportSource, SourceError};
+use insula_export::source::ExportSource;
 use insula_export::table::{ExportReport, TableOptions};
 use insula_export::tiles3d::{Destination, Tileset, TilesetForm, write_tileset};
 use insula_objects::filter::{Filter, NONE_PASSES};
@@ -47,7 +47,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let selection = selection(args, &source, place.as_ref())?;
     let nothing = no_object_passes(args, &selection);
     nothing.iter().for_each(|reason| eprintln!("note: nothing is selected: {}", printable(reason)));
-    let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
+    let failed = |reason: String| CommandError::file(&args.out, reason);
     let (mut facts, text) = match format {
         ExportFormat::Glb => {
             let mut bytes = Vec::new();
@@ -171,7 +171,7 @@ fn write_table(
     };
     let options = TableOptions { keeps_formulas: args.keep_formulas, keeps_parts: args.parts };
     let report = file::export(source, format, selection, &projections, options, &args.out)
-        .map_err(|error| CommandError::Export { path: args.out.clone(), reason: error.to_string() })?;
+        .map_err(|error| CommandError::file(&args.out, error))?;
     for (reason, number) in &report.skipped {
         eprintln!("note: {} left out: {reason}", count(*number, "object"));
     }
@@ -233,8 +233,7 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
     if let Some(fault) = degrees_fault(source.manifest(), [camera.position[0], camera.position[1]]) {
         return Err(CommandError::Usage(fault));
     }
-    let lifted = lifted_camera(source, camera)
-        .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
+    let lifted = lifted_camera(source, camera).map_err(|error| CommandError::file(&args.city, error))?;
     if let Some(lifted) = lifted {
         eprintln!("note: {}", inside_note(args.keep_camera, lifted.position[2] - camera.position[2]));
         if !args.keep_camera {
@@ -264,6 +263,5 @@ fn selection(
 fn passing_objects(text: &str, source: &StoredCity<'_>, city: &Path) -> Result<RoaringBitmap, CommandError> {
     let filter = Filter::parse(text, source.schema())
         .map_err(|error| CommandError::Usage(format!("--filter {text}: {error}")))?;
-    let failed = |error: SourceError| CommandError::Export { path: city.to_owned(), reason: error.to_string() };
-    passing(source, &filter).map_err(failed)
+    passing(source, &filter).map_err(|error| CommandError::file(city, error))
 }

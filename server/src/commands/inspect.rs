@@ -1,7 +1,7 @@
 //! `inspect`: a city's statistics as text or JSON, one node's maps as an image, or its voxels as an image or a mesh.
 
 use super::error::CommandError;
-use super::output::{print, print_json, write};
+use super::output::{print, print_pretty, write};
 use super::stats::{CityStats, LevelStats, MeshLodStats};
 use super::{map_image, volume};
 use crate::args::InspectArgs;
@@ -34,12 +34,9 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     }
     let stats = CityStats::collect(&city).map_err(StoreError::from)?;
     if args.json {
-        let json = serde_json::to_string_pretty(&stats)
-            .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;
-        print_json(&json);
-    } else {
-        print(&to_table(&stats));
+        return print_pretty(&stats);
     }
+    print(&to_table(&stats));
     Ok(())
 }
 
@@ -84,9 +81,7 @@ fn read_map(city: &CityStore, id: TileId) -> Result<(BlockMap, u64), CommandErro
 
 fn write_png(path: &Path, image: &RgbImage) -> Result<(), CommandError> {
     let mut out = Cursor::new(Vec::new());
-    image
-        .write_to(&mut out, ImageFormat::Png)
-        .map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })?;
+    image.write_to(&mut out, ImageFormat::Png).map_err(|error| CommandError::write(path, error))?;
     write(path, out.get_ref())
 }
 

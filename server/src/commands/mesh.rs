@@ -19,10 +19,6 @@ use std::time::{Duration, Instant};
 /// First bytes of a compressed mesh file. The encoded mesh follows, then its CRC-32 (little-endian).
 const MAGIC: &[u8; 4] = b"INSM";
 
-pub(super) fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> CommandError {
-    CommandError::Mesh { path: path.to_owned(), reason: reason.to_string() }
-}
-
 fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
     let unknown =
         || CommandError::Usage(format!("{}: the file name must end in .ply, .off, .obj or .stl", path.display()));
@@ -43,14 +39,14 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
     // A device or a pipe may have no end.
     let mut bytes = Vec::new();
     let file = insula_archive::file::open_regular(path);
-    file.and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|error| mesh_error(path, &error))?;
+    file.and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|error| CommandError::file(path, error))?;
     Ok(bytes)
 }
 
 /// Reads a mesh and welds vertices at the same position.
 pub(super) fn read_model(path: &Path) -> Result<TriangleModel, CommandError> {
     let format = format_of(path)?;
-    let mut model = TriangleModel::read(&read_bytes(path)?, format).map_err(|error| mesh_error(path, &error))?;
+    let mut model = TriangleModel::read(&read_bytes(path)?, format).map_err(|error| CommandError::file(path, error))?;
     model.weld();
     Ok(model)
 }
@@ -98,7 +94,7 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
     let model = with_spinner("read", || read_model(&args.input))?;
     let start = Instant::now();
     let encoded = with_spinner("compress", || quantise::to_mesh(&model, args.bits, args.texcoord_bits).encode());
-    let encoded = encoded.map_err(|error| mesh_error(&args.input, &error))?;
+    let encoded = encoded.map_err(|error| CommandError::file(&args.input, error))?;
     let seconds = start.elapsed().as_secs_f64();
     let mut file = MAGIC.to_vec();
     file.extend(&encoded.bytes);
@@ -125,11 +121,13 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     check_output(&args.output, kind_of(format), [&args.input], args.overwrite)?;
     let file = read_bytes(&args.input)?;
     let coded = file.strip_prefix(MAGIC).and_then(|rest| rest.split_last_chunk::<4>());
-    let (coded, sum) = coded.ok_or_else(|| mesh_error(&args.input, &"not a file of `insula-server compress`"))?;
+    let (coded, sum) =
+        coded.ok_or_else(|| CommandError::file(&args.input, "not a file of `insula-server compress`"))?;
     if insula_protocol::codec::checksum(coded) != u32::from_le_bytes(*sum) {
-        return Err(mesh_error(&args.input, &"the file is damaged: its checksum differs"));
+        return Err(CommandError::file(&args.input, "the file is damaged: its checksum differs"));
     }
-    let mesh = with_spinner("decompress", || Mesh::decode(coded)).map_err(|error| mesh_error(&args.input, &error))?;
+    let mesh =
+        with_spinner("decompress", || Mesh::decode(coded)).map_err(|error| CommandError::file(&args.input, error))?;
     let model = quantise::to_model(&mesh);
     write(&args.output, &model.write(format))?;
     let (triangles, vertices) = (mesh.triangles.len(), mesh.positions.len());
@@ -141,7 +139,7 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
 
 /// The surface of a model. Fails if it has none, or if coordinates are too large to measure distances.
 pub(super) fn surface_of(path: &Path, model: &TriangleModel) -> Result<Surface, CommandError> {
-    Surface::of_model(model).ok_or_else(|| mesh_error(path, &"it has no triangles, or coordinates beyond 10^15"))
+    Surface::of_model(model).ok_or_else(|| CommandError::file(path, "it has no triangles, or coordinates beyond 10^15"))
 }
 
 /// Runs `simplify`, and measures how far the result lies from the input. Fails if the input is not a mesh or a file cannot be

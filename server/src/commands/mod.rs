@@ -62,9 +62,7 @@ pub fn run(args: Args) -> Result<(), CommandError> {
             output::print(OPENAPI);
             Ok(())
         }
-        ServerCommand::Setup(setup) => {
-            setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })
-        }
+        ServerCommand::Setup(setup) => setup.run::<Args>().map_err(|(path, error)| CommandError::write(path, error)),
         #[cfg(feature = "bake")]
         ServerCommand::Bake(args) => match &args.work {
             Some(work) => bake_steps::run(&args, work),

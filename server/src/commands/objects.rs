@@ -1,7 +1,7 @@
 //! `objects`: what is known of objects, and which attributes a city has.
 
 use super::error::CommandError;
-use super::output::{print, print_json};
+use super::output::{print, print_pretty};
 use crate::args::ObjectsArgs;
 use crate::store::{CityStore, StoredObjects};
 use insula_objects::{AttributeInfo, FeatureKind, NamedValues, ObjectRecord, Schema};
@@ -27,10 +27,9 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
     let objects = StoredObjects::open(&city)?;
     if args.ids.is_empty() {
         if args.json.json {
-            print_json(&pretty(&json!(objects.schema()))?);
-        } else {
-            print(&schema_table(&city.manifest().counts.words(), objects.schema()));
+            return print_pretty(&json!(objects.schema()));
         }
+        print(&schema_table(&city.manifest().counts.words(), objects.schema()));
         return Ok(());
     }
     let mut found = Vec::with_capacity(args.ids.len());
@@ -40,10 +39,9 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
         found.push(describe(&objects, *id, record)?);
     }
     if args.json.json {
-        print_json(&pretty(&json!(found))?);
-    } else {
-        print(&found.iter().map(|object| object_text(object, objects.schema())).collect::<Vec<_>>().join("\n"));
+        return print_pretty(&json!(found));
     }
+    print(&found.iter().map(|object| object_text(object, objects.schema())).collect::<Vec<_>>().join("\n"));
     Ok(())
 }
 
@@ -56,11 +54,6 @@ pub(crate) fn describe(
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
     let attributes = NamedValues::new(objects.schema(), objects.with_family(id, &record)?);
     Ok(ObjectReport { id, identifier: record.identifier, parent, kind: record.kind, attributes })
-}
-
-fn pretty(value: &serde_json::Value) -> Result<String, CommandError> {
-    serde_json::to_string_pretty(value)
-        .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })
 }
 
 /// An object with the names of its attributes as filters have them, and the titles that people read.

@@ -6,6 +6,7 @@ use insula_archive::new_file;
 #[cfg(feature = "bake")]
 use insula_command_line::output::{FileKind, Outputs, OverwriteArgs};
 use insula_protocol::text::{printable_json, printable_lines};
+use serde::Serialize;
 use serde_json::Value;
 use std::io::Write;
 use std::path::Path;
@@ -17,8 +18,15 @@ pub(super) fn print(text: &str) {
 }
 
 /// Prints JSON, as [`print()`] does.
-pub(super) fn print_json(json: &str) {
+fn print_json(json: &str) {
     write_out(&(printable_json(json) + "\n"));
+}
+
+/// Prints a value as JSON of several lines. Fails if it has no form in JSON.
+pub(super) fn print_pretty(value: &impl Serialize) -> Result<(), CommandError> {
+    let json = serde_json::to_string_pretty(value);
+    print_json(&json.map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?);
+    Ok(())
 }
 
 /// Says what a command did: its facts as JSON if that is asked for, else a text.
@@ -36,8 +44,7 @@ fn write_out(text: &str) {
 
 /// Writes a file whole, in place of an older one. Devices and pipes are written directly. Fails if the system refuses.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
-    new_file::replace(path, bytes)
-        .map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })
+    new_file::replace(path, bytes).map_err(|error| CommandError::write(path, error))
 }
 
 /// Checks that a command with one output may write it. Fails as [`Outputs::file`].

@@ -106,7 +106,7 @@ fn brand(args: &PublishArgs) -> Result<Brand, CommandError> {
         site.proposals = Some(folder.clone());
     }
     let logo = site.logo.clone().unwrap_or_default();
-    Brand::load(&site).map_err(|error| CommandError::Publish { path: logo, reason: error.to_string() })
+    Brand::load(&site).map_err(|error| CommandError::file(logo, error))
 }
 
 fn write_viewer(site: &mut SiteFolder, viewer: &ViewerAssets) -> Result<(), CommandError> {
@@ -134,8 +134,7 @@ fn write_city(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandErro
     if city.is_unchanged() {
         return Ok(());
     }
-    let reason = "it was replaced meanwhile; run the command again".into();
-    Err(CommandError::Publish { path: folder.to_owned(), reason })
+    Err(CommandError::file(folder, "it was replaced meanwhile; run the command again"))
 }
 
 fn facts(city: &CityStore) -> CityFacts<'_> {

@@ -1,7 +1,7 @@
 //! `search`: objects by their texts.
 
 use super::error::CommandError;
-use super::output::{print, print_json};
+use super::output::{print, print_pretty};
 use crate::args::SearchArgs;
 use crate::store::{CityStore, StoredObjects};
 use insula_objects::FeatureKind;
@@ -35,11 +35,9 @@ pub(super) fn run(args: &SearchArgs) -> Result<(), CommandError> {
     let hits = index.search(&args.text, usize::from(args.limit));
     let hits = hits.into_iter().map(found).collect::<Result<Vec<_>, CommandError>>()?;
     if args.json.json {
-        let json = serde_json::to_string_pretty(&hits);
-        print_json(&json.map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?);
-    } else {
-        print(&hits_text(&hits));
+        return print_pretty(&hits);
     }
+    print(&hits_text(&hits));
     Ok(())
 }
 

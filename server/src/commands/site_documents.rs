@@ -46,7 +46,7 @@ fn record<'c>(site: &SiteFolder, city: &'c CityStore) -> Result<CityRecord<'c>, 
     // Manifests do not say when they were made. A publish that is repeated gives the same documents.
     let path = city.folder().map_or_else(PathBuf::new, |folder| folder.join(MANIFEST_FILE));
     let time = fs::metadata(&path).and_then(|found| found.modified());
-    let time = time.map_err(|error| CommandError::Publish { path, reason: error.to_string() })?;
+    let time = time.map_err(|error| CommandError::file(path, error))?;
     let mark = |name: &str| site.mark(&format!("cities/{}/{name}", manifest.name));
     Ok(CityRecord {
         manifest,
@@ -60,7 +60,7 @@ fn record<'c>(site: &SiteFolder, city: &'c CityStore) -> Result<CityRecord<'c>, 
 /// Writes a city as plain 3D Tiles, which all viewers open, into its folder, with one tile in memory at a time. Fails if the city cannot be read, or has no surface.
 #[cfg(feature = "bake")]
 pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandError> {
-    let failed = |reason: String| CommandError::Publish { path: city.location().into(), reason };
+    let failed = |reason: String| CommandError::file(city.location(), reason);
     let manifest = city.manifest();
     let read = |kind, id| city.tile(kind, id);
     let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
@@ -89,9 +89,8 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
 pub(super) fn write_proposals(site: &mut SiteFolder, city: &CityStore, brand: &Brand) -> Result<bool, CommandError> {
     let name = &city.manifest().name;
     let Some(folder) = brand.proposals_of(name) else { return Ok(false) };
-    let failed = |reason: String| CommandError::Publish { path: city.location().into(), reason };
     let read = |kind, id| city.tile(kind, id);
-    let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
+    let schema = StoredCity::read_schema(&read).map_err(|error| CommandError::file(city.location(), error))?;
     let (json, faults) = document(Some(folder), &StoredCity::new(city.manifest(), &schema, &read));
     faults.iter().for_each(|fault| eprintln!("warning: {}", printable(fault)));
     site.write(&format!("cities/{name}/{PROPOSALS_FILE}"), json.as_bytes())?;

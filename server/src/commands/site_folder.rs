@@ -328,15 +328,15 @@ fn kind_of(path: &Path) -> Result<Option<fs::FileType>, CommandError> {
 }
 
 fn refuse(path: &Path, reason: &str) -> CommandError {
-    CommandError::Publish { path: path.to_owned(), reason: reason.to_owned() }
+    CommandError::file(path, reason)
 }
 
 fn write_error(path: &Path, error: &io::Error) -> CommandError {
-    CommandError::Write { path: path.to_owned(), reason: error.to_string() }
+    CommandError::write(path, error)
 }
 
 fn read_error(path: &Path, error: &io::Error) -> CommandError {
-    CommandError::Publish { path: path.to_owned(), reason: error.to_string() }
+    CommandError::file(path, error)
 }
 
 #[cfg(test)]

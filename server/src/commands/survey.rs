@@ -3,7 +3,7 @@
 use super::bake::{read_options, unknown_names};
 use super::error::CommandError;
 use super::interrupt;
-use super::output::{print, print_json};
+use super::output::{print, print_pretty};
 use crate::args::InspectArgs;
 use insula_bake::read::{AttributeCount, FaultCount, InputSurvey, ReadOptions, ReadProgress, SourceReport, survey};
 use insula_protocol::text::{count, human_bytes, printable};
@@ -47,12 +47,9 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     }
     let found = found.map_err(|error| CommandError::Bake(error.to_string()))?;
     if args.json {
-        let json = serde_json::to_string_pretty(&found)
-            .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;
-        print_json(&json);
-    } else {
-        print(&to_text(&found, &unknown_names(&args.read, &found.read)));
+        return print_pretty(&found);
     }
+    print(&to_text(&found, &unknown_names(&args.read, &found.read)));
     Ok(())
 }
 

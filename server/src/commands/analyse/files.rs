@@ -1,7 +1,7 @@
 //! What `analyse` writes, and what it says of it.
 
 use super::super::error::CommandError;
-use super::super::output::print_result;
+use super::super::output::{self, print_result};
 use super::checks::{is_flatgeobuf, is_geojson};
 use super::{Files, Question, sheet};
 use crate::analysis::answer::Answer;
@@ -9,7 +9,6 @@ use crate::analysis::regions::{areas, lon_lat};
 use crate::args::Analysis;
 use insula_analysis::buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table};
 use insula_analysis::surface::CitySurface;
-use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
 use insula_export::file::export_values;
 use insula_export::format::{Format, Projections};
@@ -36,7 +35,7 @@ pub(super) fn write(
     }
     if let Some(table) = &answer.table {
         let path = question.args.buildings.as_ref();
-        path.map_or(Ok(()), |path| write_bytes(path, table))?;
+        path.map_or(Ok(()), |path| output::write(path, table))?;
         report(question, &answer, None, &written, files);
         return Ok(());
     }
@@ -78,16 +77,11 @@ fn write_buildings(
         let added = added_values(values, columns);
         return export_values(question.source, Format::FlatGeobuf, &added, &projections, path)
             .map(|report| report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning))))
-            .map_err(|error| CommandError::Export { path: path.to_owned(), reason: error.to_string() });
+            .map_err(|error| CommandError::file(path, error));
     }
-    let failed = |error: std::io::Error| CommandError::Write { path: path.to_owned(), reason: error.to_string() };
     let mut bytes = Vec::new();
-    write_table(values, columns, &mut bytes).map_err(failed)?;
-    write_bytes(path, &bytes)
-}
-
-fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
-    replace(path, bytes).map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })
+    write_table(values, columns, &mut bytes).map_err(|error| CommandError::write(path, error))?;
+    output::write(path, &bytes)
 }
 
 /// Writes the values as a raster. Fails if it cannot be written.
@@ -109,7 +103,7 @@ fn write_cells(
         Ok(cells.collect())
     };
     let report = write_raster(source, question.extent, &projections, None, &title, out, &mut part)
-        .map_err(|error| CommandError::Export { path: out.to_owned(), reason: error.to_string() })?;
+        .map_err(|error| CommandError::file(out, error))?;
     report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
     Ok(Written { bytes: report.bytes, attribution: report.attribution })
 }
@@ -133,7 +127,7 @@ fn write_polygons(
         "features": features,
     });
     let bytes = collection.to_string().into_bytes();
-    replace(out, &bytes).map_err(|error| CommandError::Write { path: out.to_owned(), reason: error.to_string() })?;
+    output::write(out, &bytes)?;
     Ok(Written { bytes: bytes.len() as u64, attribution })
 }
 

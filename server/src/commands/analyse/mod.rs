@@ -74,7 +74,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
     let manifest = city.manifest();
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);
-    let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
+    let failed = |error: ExportError| CommandError::file(&args.city, error);
     let corners = manifest.bounds.map(|[x, y, _]| [x, y]);
     let on_map = |degrees| place.as_ref()?.box_on_map(degrees);
     let area = args.area.box_in_city(corners, on_map, &|at| place.as_ref()?.lon_lat(at));

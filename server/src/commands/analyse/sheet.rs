@@ -28,8 +28,7 @@ pub(super) fn write(
     surface: &CitySurface,
     out: &Path,
 ) -> Result<(), CommandError> {
-    let failed =
-        |error: &dyn std::fmt::Display| CommandError::Export { path: out.to_owned(), reason: error.to_string() };
+    let failed = |error: &dyn std::fmt::Display| CommandError::file(out, error);
     let paper = Paper::parse(PAPER).map_err(|error| failed(&error))?;
     let area = area(question, surface);
     let request = DrawRequest {

@@ -1,13 +1,12 @@
 //! Lines of sight between the points of two tables.
 
 use super::super::error::CommandError;
-use super::super::output::print_result;
+use super::super::output::{print_result, write};
 use super::proposal::AfterProposal;
 use super::sun::{city_at, read_points};
 use crate::args::AnalyseArgs;
 use insula_analysis::points::{Point, around};
 use insula_analysis::sight::{MAX_LINES, sights, write_table};
-use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
 use insula_export::source::ExportSource;
 use insula_export::table::ExportError;
@@ -31,7 +30,7 @@ pub(super) fn between(
         let reason = format!("--between: {number} lines, of which {MAX_LINES} fit in one run; choose fewer points");
         return Err(CommandError::Usage(reason));
     }
-    let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
+    let failed = |error: ExportError| CommandError::file(&args.city, error);
     let all: Vec<Point> = from.iter().chain(&to).cloned().collect();
     let (city, ground) = city_at(source, &all, around(&all, 1.0), after).map_err(failed)?;
     let ends = |points| -> Vec<_> {
@@ -40,10 +39,10 @@ pub(super) fn between(
     };
     let (from, to) = (ends(&from), ends(&to));
     let lines = sights(&city, ground.as_ref(), &from, &to);
-    let unwritten = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
     let mut bytes = Vec::new();
-    write_table(source, [&from, &to], &lines, &mut bytes).map_err(failed)?.map_err(unwritten)?;
-    replace(&args.out, &bytes).map_err(unwritten)?;
+    let written = write_table(source, [&from, &to], &lines, &mut bytes).map_err(failed)?;
+    written.map_err(|error| CommandError::write(&args.out, error))?;
+    write(&args.out, &bytes)?;
     let free = lines.iter().flatten().filter(|line| line.obstacle.is_none()).count();
     let beyond = lines.iter().filter(|line| line.is_none()).count();
     let mut text = format!("wrote {} ({})\n", printable(&args.out.display().to_string()), count(number as u64, "line"));

@@ -1,7 +1,7 @@
 //! Hours of sun by a rule: of a whole city, and at the points of a table.
 
 use super::super::error::CommandError;
-use super::super::output::print_result;
+use super::super::output::{print_result, write};
 use super::files::summary;
 use super::proposal::AfterProposal;
 use super::site_of;
@@ -16,7 +16,6 @@ use insula_analysis::rule::Rule;
 use insula_analysis::sun::Site;
 use insula_analysis::surface::CitySurface;
 use insula_archive::file::read_text;
-use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
 use insula_export::source::ExportSource;
 use insula_export::table::{ExportError, attribution};
@@ -102,18 +101,15 @@ fn write_pictures(
     suns: &[Option<PointSun>],
     folder: &Path,
 ) -> Result<usize, CommandError> {
-    let failed = |error: &dyn std::fmt::Display, path: &Path| CommandError::Write {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    };
-    std::fs::create_dir_all(folder).map_err(|error| failed(&error, folder))?;
+    std::fs::create_dir_all(folder).map_err(|error| CommandError::write(folder, error))?;
     let mut number = 0;
     for (i, (point, sun)) in points.iter().zip(suns).enumerate() {
         let Some(sun) = sun else { continue };
         let path = folder.join(picture_name(i + 1, &point.id));
         let mut bytes = Cursor::new(Vec::new());
-        evidence.picture(point, sun).write_to(&mut bytes, ImageFormat::Png).map_err(|error| failed(&error, &path))?;
-        replace(&path, bytes.get_ref()).map_err(|error| failed(&error, &path))?;
+        let written = evidence.picture(point, sun).write_to(&mut bytes, ImageFormat::Png);
+        written.map_err(|error| CommandError::write(&path, error))?;
+        write(&path, bytes.get_ref())?;
         number += 1;
     }
     Ok(number)
@@ -141,13 +137,12 @@ pub(super) fn sun_at(
         return Err(CommandError::Usage(reason));
     }
     let site = site_of(source)?;
-    let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
-    let (city, ground) = city_at(source, &points, around(&points, args.reach), after).map_err(failed)?;
+    let found = city_at(source, &points, around(&points, args.reach), after);
+    let (city, ground) = found.map_err(|error| CommandError::file(&args.city, error))?;
     let suns = sun_at_points(&city, ground.as_ref(), &points, &site, &rule);
-    let failed = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
     let mut bytes = Vec::new();
-    write_table(&points, &suns, &rule, &mut bytes).map_err(failed)?;
-    replace(&args.out, &bytes).map_err(failed)?;
+    write_table(&points, &suns, &rule, &mut bytes).map_err(|error| CommandError::write(&args.out, error))?;
+    write(&args.out, &bytes)?;
     let mut lines = vec![format!("wrote {} ({})", args.out.display(), count(points.len() as u64, "point"))];
     if let Some(folder) = &args.evidence {
         let credit = credit(source);
