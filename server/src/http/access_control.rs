@@ -7,7 +7,8 @@ use super::problem::Problem;
 use crate::config;
 use crate::secret_file::SecretFile;
 use crate::share_link::{self, ShareGrant, ShareKeys, ShareScope};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use insula_protocol::route::RouteTemplate;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -52,8 +53,8 @@ pub(super) struct AccessRequest<'a> {
 }
 
 impl<'a> Credentials<'a> {
-    pub(super) fn new(headers: &'a HeaderMap, uri: &'a Uri) -> Self {
-        Self { headers, link: uri.query().and_then(share_link::from_query) }
+    pub(super) fn of(request: &'a Parts) -> Self {
+        Self { headers: &request.headers, link: request.uri.query().and_then(share_link::from_query) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Analyses of a part of a city (`insula_analysis`), as the body of a request asks for them. Off by default.
 
 use super::fair_queue::StopFlag;
-use super::posted::{json_body, requested_city, unreadable, with_source};
+use super::posted::{json_body, requested_city, response_with, unreadable, with_source};
 use super::problem::Problem;
 use super::state::AppState;
 use super::work_queues::{RequestClient, WorkKind};
@@ -10,7 +10,8 @@ use crate::analysis::request::{AnalysisRequest, RequestError};
 use crate::store::CityStore;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::http::header;
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_export::table::ExportError;
 use std::sync::Arc;
@@ -24,15 +25,9 @@ const OUTSIDE: &str = "#area-outside";
 /// `POST /v1/cities/{city}/analyse`. Fails with 400 for options that are invalid and for areas that are too large, 401 without a required
 /// token, 404 for an unknown city, with a share link for a part of the city, and if no analyses are made; 408, 413 and 415 for a body that is
 /// slow, too large or not JSON; 500 if the city is damaged, 503 if too many requests wait or there is no time.
-pub(super) async fn analyse(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    uri: Uri,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    let city = requested_city(&state, &uri, &headers)?;
-    let body = json_body(&headers, body).await?;
+pub(super) async fn analyse(State(state): State<AppState>, parts: Parts, body: Body) -> Result<Response, Problem> {
+    let city = requested_city(&state, &parts)?;
+    let body = json_body(&parts.headers, body).await?;
     let asked = AnalysisRequest::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
     let (read, runtime) = (Arc::clone(&city), Handle::current());
     let limits = &state.analyses;
@@ -44,16 +39,9 @@ pub(super) async fn analyse(
                 .map_err(|error| RequestError::Source(ExportError::Source(error)))?
         })
     };
-    let made = state.work(WorkKind::Analyse).run(client, work).await.map_err(|_| no_time())?;
+    let made = state.work(WorkKind::Analyse).run(RequestClient::of(&parts), work).await.map_err(|_| no_time())?;
     let answer = made.map_err(|error| problem(&state, &city, &error))?;
-    let mut response = Response::new(Body::from(answer));
-    let all: [(HeaderName, &'static str); 3] = [
-        (header::CONTENT_TYPE, "application/json"),
-        (header::CACHE_CONTROL, "no-store"),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    ];
-    response.headers_mut().extend(all.map(|(name, value)| (name, HeaderValue::from_static(value))));
-    Ok(response)
+    Ok(response_with(answer, &[(header::CONTENT_TYPE, "application/json")]))
 }
 
 fn no_time() -> Problem {

@@ -9,9 +9,9 @@ use super::tile::find_city;
 use super::wrong_address;
 use crate::page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER};
 use crate::store::CityStore;
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::http::HeaderValue;
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_protocol::route::{self, Route, RouteTemplate};
 use std::sync::Arc;
@@ -20,75 +20,57 @@ use tokio::task::spawn_blocking;
 const NO_PICTURE: Problem = Problem::not_found("there is no picture of this city");
 
 /// `/cities/{city}`. Without a required token, 401, and for an unknown city, 404: for people as a page.
-pub(super) async fn city_page(State(state): State<AppState>, method: Method, uri: Uri, headers: HeaderMap) -> Response {
-    match find(&state, RouteTemplate::CityPage, &uri, &headers) {
-        Ok((city, access)) => respond_with_city(&state, &city, access, &method, &uri, &headers),
-        Err(problem) => wrong_address::respond(&state, problem, &uri, &headers),
+pub(super) async fn city_page(State(state): State<AppState>, parts: Parts) -> Response {
+    match find(&state, RouteTemplate::CityPage, &parts) {
+        Ok((city, access)) => respond_with_city(&state, &city, access, &parts),
+        Err(problem) => wrong_address::respond(&state, problem, &parts),
     }
 }
 
 /// `/cities/{city}/thumbnail.jpg`. Fails as [`city_page`], and with 404 if the city has no picture, or the share link is for a part
 /// of the city.
-pub(super) async fn thumbnail(
-    State(state): State<AppState>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let (city, access) = find(&state, RouteTemplate::Thumbnail, &uri, &headers)?;
+pub(super) async fn thumbnail(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let (city, access) = find(&state, RouteTemplate::Thumbnail, &parts)?;
     if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
         return Err(NO_PICTURE);
     }
     let read = spawn_blocking(move || city.read_thumbnail()).await;
     let jpeg = read.ok().flatten().ok_or(NO_PICTURE)?;
-    let representation = Representation::changing(jpeg, "image/jpeg", access.is_public());
-    Ok(representation.respond(&method, &headers).map(Body::from))
+    Ok(Representation::changing(jpeg, "image/jpeg", access.is_public()).response_to(&parts))
 }
 
 /// The city at the address of a page that the request may see.
-fn find(
-    state: &AppState,
-    template: RouteTemplate,
-    uri: &Uri,
-    headers: &HeaderMap,
-) -> Result<(Arc<CityStore>, CityAccess), Problem> {
+fn find(state: &AppState, template: RouteTemplate, request: &Parts) -> Result<(Arc<CityStore>, CityAccess), Problem> {
     // Such a city cannot exist. Without a token, the response must be the one for private cities.
-    let name = match Route::parse(uri.path()) {
+    let name = match Route::parse(request.uri.path()) {
         Ok(Route::CityPage { city } | Route::Thumbnail { city }) => city,
         _ => "",
     };
-    find_city(state, template, name, uri, headers)
+    find_city(state, template, name, request)
 }
 
 /// The page of a city that the request may see: with the viewer, if the server has it.
-pub(super) fn respond_with_city(
-    state: &AppState,
-    city: &CityStore,
-    access: CityAccess,
-    method: &Method,
-    uri: &Uri,
-    headers: &HeaderMap,
-) -> Response {
+pub(super) fn respond_with_city(state: &AppState, city: &CityStore, access: CityAccess, request: &Parts) -> Response {
     let facts = facts(city);
-    let root = relative_root(uri);
+    let root = relative_root(&request.uri);
     let is_public = access.is_public();
     let links = CityLinks {
         list: Some(relative(&root, "/")),
         rules: rules(state, access),
         has_proposals: has_proposals(state, city, access),
-        ..links(state, city, is_public, uri, headers)
+        ..links(state, city, is_public, request)
     };
     let (html, policy) = match &state.viewer {
         Some(viewer) => (page::city_page(facts, &links, viewer.assets(), &state.brand), page::viewer_policy()),
         None => {
-            let mut page = CityListPage::new(&state.brand, state.texts(headers), None, None);
+            let mut page = CityListPage::new(&state.brand, state.texts(&request.headers), None, None);
             page.push_city(&CityInList { facts, page: None, links });
             page.push_paragraph(NO_VIEWER);
             (page.finish(), page::list_policy())
         }
     };
     let vary = state.viewer.is_none().then_some(HeaderValue::from_static("accept-language"));
-    respond(html, policy, is_public, vary, method, headers)
+    respond(html, policy, is_public, vary, request)
 }
 
 /// Whether the page may show proposals.
@@ -119,16 +101,16 @@ pub(super) fn facts(city: &CityStore) -> CityFacts<'_> {
 }
 
 /// The addresses of a city, with the share link of the request if the city needs one.
-pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &Uri, headers: &HeaderMap) -> CityLinks {
+pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, request: &Parts) -> CityLinks {
     let name = &city.manifest().name;
-    let query = if is_public { None } else { share_query(uri) }.unwrap_or_default();
-    let root = relative_root(uri);
+    let query = if is_public { None } else { share_query(&request.uri) }.unwrap_or_default();
+    let root = relative_root(&request.uri);
     let manifest = route::manifest(name) + &query;
     let thumbnail = city.has_thumbnail().then(|| route::thumbnail(name) + &query);
-    let origin = known_origin(state, uri, headers).filter(|_| is_public);
+    let origin = known_origin(state, request).filter(|_| is_public);
     CityLinks {
         source: relative(&root, &manifest),
-        view_address: Some(displayed_origin(state, uri, headers) + &manifest),
+        view_address: Some(displayed_origin(state, request) + &manifest),
         preview: thumbnail.as_ref().and_then(|path| Some(origin.clone()? + path)),
         thumbnail: thumbnail.map(|path| relative(&root, &path)),
         root,

@@ -1,7 +1,10 @@
 //! Text responses, compressed once in every supported content coding (RFC 9110, 12.5.3).
 
+use super::accept::accepted;
 use super::representation::{Representation, etag_of};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::Response;
 use bytes::Bytes;
 use std::io::Write;
 
@@ -9,6 +12,9 @@ use std::io::Write;
 const MIN_COMPRESSED_BYTES: usize = 256;
 const ZSTD_LEVEL: i32 = 19;
 const BROTLI_QUALITY: i32 = 9;
+
+/// `Vary` of content that only its coding is selected by.
+const ACCEPT_ENCODING: HeaderValue = HeaderValue::from_static("accept-encoding");
 
 /// The same content in several codings by ascending size. The uncompressed one is last, and the largest.
 #[derive(Debug, Clone)]
@@ -18,40 +24,17 @@ impl EncodedContent {
     /// Compresses `body`. `vary` lists the request headers, besides `Accept-Encoding`, that selected this content.
     pub(super) fn new(body: Vec<u8>, content_type: &'static str, cache_control: HeaderValue, vary: &str) -> Self {
         let vary = if vary.is_empty() { "accept-encoding".to_owned() } else { format!("{vary}, accept-encoding") };
-        let represent = |coding: &'static str, body: Vec<u8>| {
-            let representation = Representation {
-                etag: etag_of(&body),
-                body: Bytes::from(body),
-                content_type: HeaderValue::from_static(content_type),
-                cache_control: cache_control.clone(),
-                encoding: (coding != "identity").then_some(HeaderValue::from_static(coding)),
-                vary: HeaderValue::try_from(&vary).ok(),
-            };
-            (coding, representation)
+        let compressed = match body.len() >= MIN_COMPRESSED_BYTES {
+            true => vec![("br", brotli(&body)), ("zstd", zstd(&body)), ("gzip", gzip(&body))],
+            false => Vec::new(),
         };
-        let mut all = Vec::new();
-        if body.len() >= MIN_COMPRESSED_BYTES {
-            let compressed = [("br", brotli(&body)), ("zstd", zstd(&body)), ("gzip", gzip(&body))];
-            let smaller = compressed.into_iter().filter_map(|(coding, bytes)| Some((coding, bytes?)));
-            let smaller = smaller.filter(|(_, bytes)| bytes.len() < body.len());
-            all.extend(smaller.map(|(coding, bytes)| represent(coding, bytes)));
-            all.sort_by_key(|(_, representation)| representation.body.len());
-        }
-        all.push(represent("identity", body));
-        Self(all)
+        let compressed = compressed.into_iter().filter_map(|(coding, bytes)| Some((coding, Bytes::from(bytes?))));
+        Self::of(body.into(), compressed, content_type, cache_control, HeaderValue::try_from(vary).ok())
     }
 
     /// `body` in no coding, for content that is made for one request.
     pub(super) fn uncompressed(body: Vec<u8>, content_type: &'static str, cache_control: HeaderValue) -> Self {
-        let identity = Representation {
-            etag: etag_of(&body),
-            body: Bytes::from(body),
-            content_type: HeaderValue::from_static(content_type),
-            cache_control,
-            encoding: None,
-            vary: Some(HeaderValue::from_static("accept-encoding")),
-        };
-        Self(vec![("identity", identity)])
+        Self::of(body.into(), [], content_type, cache_control, Some(ACCEPT_ENCODING))
     }
 
     /// Content that was compressed before.
@@ -62,29 +45,43 @@ impl EncodedContent {
         content_type: &'static str,
         cache_control: HeaderValue,
     ) -> Self {
-        let plain_bytes = plain.len();
-        let mut all: Vec<_> = [("br", brotli), ("gzip", gzip), ("identity", plain)]
-            .into_iter()
-            .filter(|(coding, body)| *coding == "identity" || body.len() < plain_bytes)
-            .map(|(coding, body)| {
-                let representation = Representation {
-                    etag: etag_of(&body),
-                    body,
-                    content_type: HeaderValue::from_static(content_type),
-                    cache_control: cache_control.clone(),
-                    encoding: (coding != "identity").then_some(HeaderValue::from_static(coding)),
-                    vary: Some(HeaderValue::from_static("accept-encoding")),
-                };
-                (coding, representation)
-            })
-            .collect();
+        Self::of(plain, [("br", brotli), ("gzip", gzip)], content_type, cache_control, Some(ACCEPT_ENCODING))
+    }
+
+    /// The content, and of its compressed forms those that are smaller.
+    fn of(
+        plain: Bytes,
+        compressed: impl IntoIterator<Item = (&'static str, Bytes)>,
+        content_type: &'static str,
+        cache_control: HeaderValue,
+        vary: Option<HeaderValue>,
+    ) -> Self {
+        let represent = |coding: &'static str, body: Bytes| {
+            let representation = Representation {
+                etag: etag_of(&body),
+                body,
+                content_type: HeaderValue::from_static(content_type),
+                cache_control: cache_control.clone(),
+                encoding: (coding != "identity").then_some(HeaderValue::from_static(coding)),
+                vary: vary.clone(),
+            };
+            (coding, representation)
+        };
+        let smaller = compressed.into_iter().filter(|(_, bytes)| bytes.len() < plain.len());
+        let mut all: Vec<_> = smaller.map(|(coding, bytes)| represent(coding, bytes)).collect();
         all.sort_by_key(|(_, representation)| representation.body.len());
+        all.push(represent("identity", plain));
         Self(all)
     }
 
+    /// The response to a GET or HEAD request, in the coding that it prefers.
+    pub(super) fn response_to(&self, request: &Parts) -> Response {
+        self.select(&request.headers).clone().response_to(request)
+    }
+
     /// The coding that the client prefers; among equally preferred ones the smallest.
-    pub(super) fn select(&self, headers: &HeaderMap) -> &Representation {
-        let accepted = accepted_codings(headers);
+    fn select(&self, headers: &HeaderMap) -> &Representation {
+        let accepted: Vec<_> = accepted(headers, header::ACCEPT_ENCODING).collect();
         let quality = |coding: &str| {
             let named = accepted.iter().find(|(name, _)| name.eq_ignore_ascii_case(coding));
             let wildcard = || accepted.iter().find(|(name, _)| *name == "*" && coding != "identity");
@@ -100,19 +97,6 @@ impl EncodedContent {
         }
         &best.1
     }
-}
-
-/// Names and quality values in `Accept-Encoding`.
-fn accepted_codings(headers: &HeaderMap) -> Vec<(&str, f32)> {
-    let values = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
-    let mut codings = Vec::new();
-    for item in values.flat_map(|list| list.split(',')) {
-        let mut parts = item.split(';').map(str::trim);
-        let name = parts.next().unwrap_or_default();
-        let quality = parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0));
-        codings.push((name, quality));
-    }
-    codings
 }
 
 fn gzip(body: &[u8]) -> Option<Vec<u8>> {

@@ -4,7 +4,7 @@
 
 use super::computed_cache::ComputedKey;
 use super::fair_queue::StopFlag;
-use super::posted::{json_body, requested_city, unreadable, with_source};
+use super::posted::{json_body, requested_city, response_with, unreadable, with_source};
 use super::problem::Problem;
 use super::state::AppState;
 use super::work_queues::{RequestClient, WorkKind};
@@ -12,7 +12,8 @@ use super::work_threads::WorkThreads;
 use crate::store::CityStore;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::http::header;
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_analysis::eye::lifted_camera;
 use insula_bake::read::EarthPlace;
@@ -38,15 +39,9 @@ const EMPTY: Problem = Problem::bad_request(
 /// `POST /v1/cities/{city}/draw`. Fails with 400 for invalid options and for drawings that are too large, 401 without a required token,
 /// 404 for an unknown city, with a share link for a part of the city, and if no drawings are made; 408, 413 and 415 for a body that is
 /// slow, too large or not JSON; 500 if the city is damaged, 503 if too many requests wait or there is no time.
-pub(super) async fn draw(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    uri: Uri,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    let city = requested_city(&state, &uri, &headers)?;
-    let body = json_body(&headers, body).await?;
+pub(super) async fn draw(State(state): State<AppState>, parts: Parts, body: Body) -> Result<Response, Problem> {
+    let city = requested_city(&state, &parts)?;
+    let body = json_body(&parts.headers, body).await?;
     let options = DrawingOptions::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
     let format = options.format;
     let (shared, drawn, runtime) = (state.clone(), Arc::clone(&city), Handle::current());
@@ -59,22 +54,14 @@ pub(super) async fn draw(
                 .map_err(DrawError::Source)?
         })
     };
-    let made = state.work(WorkKind::Draw).run(client, work).await.map_err(|_| no_time())?;
+    let made = state.work(WorkKind::Draw).run(RequestClient::of(&parts), work).await.map_err(|_| no_time())?;
     let drawing = made.map_err(|error| problem(&state, &city, &error))?;
-    let mut response = Response::new(Body::from(drawing));
     let (content_type, policy) = match format {
         DrawingFormat::Svg => ("image/svg+xml", "default-src 'none'; style-src 'unsafe-inline'; sandbox"),
         DrawingFormat::Pdf => ("application/pdf", "default-src 'none'"),
         DrawingFormat::Dxf => ("image/vnd.dxf", "default-src 'none'; sandbox"),
     };
-    let all: [(HeaderName, &'static str); 4] = [
-        (header::CONTENT_TYPE, content_type),
-        (header::CONTENT_SECURITY_POLICY, policy),
-        (header::CACHE_CONTROL, "no-store"),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    ];
-    response.headers_mut().extend(all.map(|(name, value)| (name, HeaderValue::from_static(value))));
-    Ok(response)
+    Ok(response_with(drawing, &[(header::CONTENT_TYPE, content_type), (header::CONTENT_SECURITY_POLICY, policy)]))
 }
 
 fn no_time() -> Problem {

@@ -10,9 +10,8 @@ use super::state::{AppState, MessageKind};
 use super::tile::{find_version, unknown_name};
 use super::work_queues::{RequestClient, WorkKind};
 use crate::store::CityStore;
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_objects::filter::{Filter, FilterBuilder, MAX_FILTER_BYTES};
 use insula_objects::{ObjectBlock, Schema};
@@ -39,19 +38,11 @@ enum Failure {
 
 /// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `expr`, 401 without a required token, 404 for an unknown city or
 /// version, without objects, or with a share link for a part of the city or read-only; 500 if objects are damaged, 503 if there is no time.
-pub(super) async fn filter(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let text = text_of(uri.query().unwrap_or_default()).ok_or(INVALID_TEXT)?;
-    let (city, access) = match Route::parse(uri.path()) {
-        Ok(Route::Filter { city, version }) => {
-            find_version(&state, RouteTemplate::Filter, city, version, &uri, &headers)?
-        }
-        _ => return Err(unknown_name(&state, &uri, &headers)),
+pub(super) async fn filter(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let text = text_of(parts.uri.query().unwrap_or_default()).ok_or(INVALID_TEXT)?;
+    let (city, access) = match Route::parse(parts.uri.path()) {
+        Ok(Route::Filter { city, version }) => find_version(&state, RouteTemplate::Filter, city, version, &parts)?,
+        _ => return Err(unknown_name(&state, &parts)),
     };
     if !access.admits_computed(RouteTemplate::Filter) {
         return Err(NO_OBJECTS);
@@ -59,10 +50,9 @@ pub(super) async fn filter(
     let (filtered, runtime) = (city.clone(), Handle::current());
     let key = ComputedKey::Filtered(city.serial(), text.clone().into());
     let work = move |stop: &StopFlag| evaluate(&filtered, &text, &runtime, stop);
-    let made = state.computed.find_or_make(key, state.work(WorkKind::Filter), client, work).await;
+    let made = state.computed.find_or_make(key, state.work(WorkKind::Filter), RequestClient::of(&parts), work).await;
     let made = made.map_err(Shed::problem)?.map_err(|failure| problem(&state, &city, failure))?;
-    let representation = made.immutable("application/octet-stream", access.is_public());
-    Ok(representation.respond(&method, &headers).map(Body::from))
+    Ok(made.immutable("application/octet-stream", access.is_public()).response_to(&parts))
 }
 
 /// The filter of a query; `None` if there is none, or not one.

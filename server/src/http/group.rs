@@ -38,17 +38,16 @@ pub(super) async fn group(
     let (city, version, group) = match Route::parse(parts.uri.path()) {
         Ok(Route::Group { city, version, group }) => (city, version, group),
         Err(RouteError::InvalidTile) => return Err(INVALID_GROUP),
-        Err(RouteError::InvalidName) => return Err(unknown_name(&app, &parts.uri, &parts.headers)),
+        Err(RouteError::InvalidName) => return Err(unknown_name(&app, &parts)),
         _ => return Err(NO_ROUTE),
     };
-    let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts.uri, &parts.headers)?;
+    let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts)?;
     let of_node = |node| RequestedTile::of_city(Arc::clone(&city), access, group.kind(), node, group.lod());
     let requested: Vec<Option<RequestedTile>> = group.nodes().map(of_node).collect();
     let (reader, client) = (app.clone(), RequestClient::of(&parts));
     let work = async move { encode(requested, &reader, &tiles).await.map(ComputedBytes::new) };
     let made = app.work(WorkKind::Groups).wait_for(client, work).await.map_err(Shed::problem)??;
-    let representation = made.immutable("application/octet-stream", access.is_public());
-    Ok(representation.respond(&parts.method, &parts.headers).map(Body::from))
+    Ok(made.immutable("application/octet-stream", access.is_public()).response_to(&parts))
 }
 
 /// The bytes of a group. Fails as [`group`].

@@ -4,9 +4,9 @@ use super::access_control::Credentials;
 use super::metrics::CurrentCounts;
 use super::problem::Problem;
 use super::state::AppState;
-use axum::Extension;
 use axum::extract::State;
-use axum::http::{HeaderMap, Uri, header};
+use axum::http::header;
+use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
@@ -30,17 +30,13 @@ pub(super) async fn ready(State(state): State<AppState>) -> Result<Response, Pro
 }
 
 /// All metrics as OpenMetrics 1.0 text. Private cities are counted for operators only: on `metrics_address`, or with a token.
-pub(super) async fn metrics(
-    State(state): State<AppState>,
-    operators: Option<Extension<ForOperators>>,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Response {
+pub(super) async fn metrics(State(state): State<AppState>, parts: Parts) -> Response {
     let content_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     let computed_bytes = state.computed.bytes().await;
     let catalog = state.catalog();
     let (store, access) = (catalog.store(), &catalog.access);
-    let sees_all = operators.is_some() || access.has_token(Credentials::new(&headers, &uri));
+    let is_operator = parts.extensions.get::<ForOperators>().is_some();
+    let sees_all = is_operator || access.has_token(Credentials::of(&parts));
     let is_counted = |name: &str| sees_all || access.is_public(name);
     let now = CurrentCounts {
         in_flight: state.in_flight.requests(),

@@ -11,29 +11,24 @@ use super::work_queues::{RequestClient, WorkKind};
 use crate::page::{self, CityInList, CityListPage, NO_VIEWER, escape_html};
 use crate::store::CityStore;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::http::HeaderValue;
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_protocol::route::{self, CITIES};
 use std::ops::Bound;
 use std::sync::Arc;
 
 /// `/`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`, and with 503 if there is no time.
-pub(super) async fn index(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let asked = state.clone();
-    let work = move |_: &StopFlag| page_of(&asked, &method, &uri, &headers);
+pub(super) async fn index(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let (asked, client) = (state.clone(), RequestClient::of(&parts));
+    let work = move |_: &StopFlag| page_of(&asked, &parts);
     state.work(WorkKind::Lists).run(client, work).await.map_err(Shed::problem)?
 }
 
-fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<Response, Problem> {
-    let request = page_request(uri.query().unwrap_or_default())?;
+fn page_of(state: &AppState, parts: &Parts) -> Result<Response, Problem> {
+    let request = page_request(parts.uri.query().unwrap_or_default())?;
     let catalog = state.catalog();
-    let (access, credentials) = (&catalog.access, Credentials::new(headers, uri));
+    let (access, credentials) = (&catalog.access, Credentials::of(parts));
     let has_token = access.has_token(credentials);
     let shared = catalog.shared(credentials).filter(|_| !has_token);
     let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
@@ -50,11 +45,11 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
         if let (Some(city), None) = (first.next(), first.next()) {
             let name = &city.manifest().name;
             let access = shared.as_ref().filter(|grant| grant.city == *name).map(|grant| CityAccess::Link(grant.scope));
-            return Ok(respond_with_city(state, city, access.unwrap_or(CityAccess::Public), method, uri, headers));
+            return Ok(respond_with_city(state, city, access.unwrap_or(CityAccess::Public), parts));
         }
     }
     let icon = state.viewer.as_ref().map(|viewer| viewer.assets().folder("") + "icon.svg");
-    let texts = state.texts(headers);
+    let texts = state.texts(&parts.headers);
     let mut page = CityListPage::new(&state.brand, texts, icon.as_deref(), None);
     if state.viewer.is_none() {
         page.push_paragraph(NO_VIEWER);
@@ -65,8 +60,8 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
     let mut shown = 0;
     while let Some(city) = cities.next_if(|_| shown < request.limit.get() && !page.is_full()) {
         let name = &city.manifest().name;
-        let links = links(state, city, !is_shared(name), uri, headers);
-        let query = if is_shared(name) { share_query(uri) } else { None }.unwrap_or_default();
+        let links = links(state, city, !is_shared(name), parts);
+        let query = if is_shared(name) { share_query(&parts.uri) } else { None }.unwrap_or_default();
         let city_page = state.viewer.as_ref().map(|_| relative("", &route::city_page(name)) + &query);
         page.push_city(&CityInList { facts: facts(city), page: city_page, links });
         shown += 1;
@@ -78,11 +73,11 @@ fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) ->
             ));
         }
     }
-    let origin = displayed_origin(state, uri, headers);
+    let origin = displayed_origin(state, parts);
     page.push_for_programs(&format!(
         "<code>insula view {origin}{CITIES}/NAME</code>, <a href=\"{}\">{CITIES}</a>",
         relative("", CITIES)
     ));
     let vary = Some(HeaderValue::from_static("accept-language"));
-    Ok(respond(page.finish(), page::list_policy(), is_public_page, vary, method, headers))
+    Ok(respond(page.finish(), page::list_policy(), is_public_page, vary, parts))
 }

@@ -1,6 +1,6 @@
 //! The city list, manifests as JSON or bincode, and the OpenAPI document.
 
-use super::accept::{accepted_media, accepts};
+use super::accept::{accepted, accepts};
 use super::access_control::{AccessRequest, CityAccess, Credentials};
 use super::city_documents::{BINCODE, JSON, ListPage};
 use super::city_page::respond_with_city;
@@ -9,26 +9,20 @@ use super::page_request::{PageRequest, page_request};
 use super::problem::Problem;
 use super::state::AppState;
 use super::work_queues::{RequestClient, WorkKind};
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use insula_protocol::route::{CITIES, Route, RouteTemplate};
 use std::sync::Arc;
 
 /// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`, and with 503 if there is no
 /// time for a page that is not in memory.
-pub(super) async fn list_cities(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let request = page_request(uri.query().unwrap_or_default())?;
+pub(super) async fn list_cities(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let request = page_request(parts.uri.query().unwrap_or_default())?;
     let catalog = state.catalog_now();
     let documents = &catalog.documents;
-    let credentials = Credentials::new(&headers, &uri);
+    let credentials = Credentials::of(&parts);
     let has_token = catalog.access.has_token(credentials);
     let shared = catalog.shared(credentials).filter(|_| !has_token);
     let made;
@@ -43,10 +37,10 @@ pub(super) async fn list_cities(
             let request = PageRequest { after: after.as_deref(), limit: request.limit };
             ListPage::uncompressed(catalog.store(), request, &is_listed, is_public)
         };
-        made = state.work(WorkKind::Lists).run(client, work).await.map_err(Shed::problem)?;
+        made = state.work(WorkKind::Lists).run(RequestClient::of(&parts), work).await.map_err(Shed::problem)?;
         &made
     };
-    let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);
+    let mut response = page.content.response_to(&parts);
     if let Some(last) = &page.last {
         let prefix = state.public_url.as_ref().map_or("", |url| url.prefix());
         let link = format!("<{prefix}{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
@@ -56,20 +50,14 @@ pub(super) async fn list_cities(
 }
 
 /// `/v1/openapi.json`
-pub(super) async fn openapi(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
-    let catalog = state.catalog();
-    catalog.documents.openapi.select(&headers).clone().respond(&method, &headers).map(Body::from)
+pub(super) async fn openapi(State(state): State<AppState>, parts: Parts) -> Response {
+    state.catalog().documents.openapi.response_to(&parts)
 }
 
 /// `/v1/cities/{city}`; for a browser that opens a share link, a page. Fails with 401 without a required token, 404 for an unknown city.
-pub(super) async fn manifest(
-    State(state): State<AppState>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+pub(super) async fn manifest(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
     // As in all addresses, a name has one spelling. Another one is that of no city, which could also be private.
-    let name = match Route::parse(uri.path()) {
+    let name = match Route::parse(parts.uri.path()) {
         Ok(Route::Manifest { city }) => city,
         _ => "",
     };
@@ -77,22 +65,22 @@ pub(super) async fn manifest(
     let city = catalog.store().city(name);
     let version = city.map(|city| city.manifest().version.as_str());
     let request = AccessRequest { route: RouteTemplate::Manifest, city: name, version };
-    let access = catalog.access.authorize(Credentials::new(&headers, &uri), request)?;
+    let access = catalog.access.authorize(Credentials::of(&parts), request)?;
     let not_found = Problem::not_found("there is no such city");
     if let (CityAccess::Link(_), Some(city)) = (access, city)
-        && accepts(&headers, "text/html") > 0.0
+        && accepts(&parts.headers, "text/html") > 0.0
     {
-        return Ok(respond_with_city(&state, city, access, &method, &uri, &headers));
+        return Ok(respond_with_city(&state, city, access, &parts));
     }
     let document = catalog.documents.city(name).ok_or(not_found)?;
-    let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));
-    Ok(bincode.unwrap_or(&document.json).select(&headers).clone().respond(&method, &headers).map(Body::from))
+    let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&parts.headers));
+    Ok(bincode.unwrap_or(&document.json).response_to(&parts))
 }
 
 /// Whether `Accept` ranks bincode at least as high as JSON. Wildcards count for JSON, because browsers send them.
 fn prefers_bincode(headers: &HeaderMap) -> bool {
     let (mut bincode, mut json) = (0.0f32, 0.0f32);
-    for (media, quality) in accepted_media(headers) {
+    for (media, quality) in accepted(headers, header::ACCEPT) {
         if media.eq_ignore_ascii_case(BINCODE) {
             bincode = quality;
         } else if media.eq_ignore_ascii_case(JSON) || media == "application/*" || media == "*/*" {

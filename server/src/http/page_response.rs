@@ -5,8 +5,8 @@ use super::request_host::request_host;
 use super::response::NO_REFERRER;
 use super::state::AppState;
 use crate::share_link;
-use axum::body::Body;
-use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderValue, Uri, header};
 use axum::response::Response;
 use bytes::Bytes;
 
@@ -16,12 +16,11 @@ pub(super) fn respond(
     policy: &'static str,
     is_public: bool,
     vary: Option<HeaderValue>,
-    method: &Method,
-    headers: &HeaderMap,
+    request: &Parts,
 ) -> Response {
     let representation =
         Representation { vary, ..Representation::changing(Bytes::from(html), "text/html; charset=utf-8", is_public) };
-    let mut response = representation.respond(method, headers).map(Body::from);
+    let mut response = representation.response_to(request);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
     response.headers_mut().insert(header::REFERRER_POLICY, NO_REFERRER);
     response
@@ -29,18 +28,18 @@ pub(super) fn respond(
 
 /// What precedes all paths of this server for its users: the configured address, else scheme and host of the request. `None` for a host
 /// that has not the form of one.
-pub(super) fn known_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Option<String> {
+pub(super) fn known_origin(state: &AppState, request: &Parts) -> Option<String> {
     if let Some(url) = &state.public_url {
         return Some(url.base().to_owned());
     }
-    let host = request_host(uri, headers)?;
+    let host = request_host(&request.uri, &request.headers)?;
     let is_allowed = |b: u8| b.is_ascii_alphanumeric() || b".:-[]_".contains(&b);
     (!host.is_empty() && host.bytes().all(is_allowed)).then(|| format!("{}://{host}", state.scheme))
 }
 
 /// As [`known_origin`], with a placeholder.
-pub(super) fn displayed_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> String {
-    known_origin(state, uri, headers).unwrap_or_else(|| format!("{}://HOST", state.scheme))
+pub(super) fn displayed_origin(state: &AppState, request: &Parts) -> String {
+    known_origin(state, request).unwrap_or_else(|| format!("{}://HOST", state.scheme))
 }
 
 /// The address of the server's root relative to that of the request, so that pages work below any path of a proxy: empty, or with a slash

@@ -11,7 +11,9 @@ use super::tile::{find_city, unknown_name};
 use crate::store::{CityStore, StoredCity};
 use axum::body::{Body, to_bytes};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::response::Response;
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_export::source::SourceError;
@@ -43,17 +45,18 @@ pub(super) async fn other_method(State(state): State<AppState>, uri: Uri) -> Pro
 }
 
 /// The city of an address, if the request may have what is computed of all of it. Fails with 404 where that is off.
-pub(super) fn requested_city(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Result<Arc<CityStore>, Problem> {
-    let template = RouteTemplate::of_path(uri.path());
+pub(super) fn requested_city(state: &AppState, request: &Parts) -> Result<Arc<CityStore>, Problem> {
+    let path = request.uri.path();
+    let template = RouteTemplate::of_path(path);
     if !state.takes_body(template) && template != RouteTemplate::Proposals {
         return Err(NO_ROUTE);
     }
-    let name = match Route::parse(uri.path()) {
+    let name = match Route::parse(path) {
         Ok(Route::Draw { city } | Route::Analyse { city } | Route::Proposals { city }) => city,
-        Err(RouteError::InvalidName) => return Err(unknown_name(state, uri, headers)),
+        Err(RouteError::InvalidName) => return Err(unknown_name(state, request)),
         _ => return Err(NO_ROUTE),
     };
-    let (city, access) = find_city(state, template, name, uri, headers)?;
+    let (city, access) = find_city(state, template, name, request)?;
     if access.admits_computed(template) { Ok(city) } else { Err(Problem::not_found("there is no such city")) }
 }
 
@@ -73,6 +76,15 @@ pub(super) async fn json_body(headers: &HeaderMap, body: Body) -> Result<Bytes, 
 fn is_json(headers: &HeaderMap) -> bool {
     let text = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
     text.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"))
+}
+
+/// A response with what was made for one request, which nobody keeps.
+pub(super) fn response_with(made: impl Into<Body>, headers: &[(HeaderName, &'static str)]) -> Response {
+    let common = [(header::CACHE_CONTROL, "no-store"), (header::X_CONTENT_TYPE_OPTIONS, "nosniff")];
+    let all = headers.iter().cloned().chain(common);
+    let mut response = Response::new(made.into());
+    response.headers_mut().extend(all.map(|(name, value)| (name, HeaderValue::from_static(value))));
+    response
 }
 
 /// Works with a city whose tiles are read until nobody waits for the work. Waits for the network if the city is in an object store. Fails if

@@ -2,7 +2,10 @@
 
 use super::problem::Problem;
 use super::response::FullResponse;
+use axum::body::Body;
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::response::Response;
 use bytes::Bytes;
 use std::ops::Range;
 
@@ -88,6 +91,11 @@ impl Representation {
                 }
             }
         }
+    }
+
+    /// As [`Self::respond`], as handlers return it.
+    pub(super) fn response_to(self, request: &Parts) -> Response {
+        self.respond(&request.method, &request.headers).map(Body::from)
     }
 
     fn with_body(&self, status: StatusCode, body: Bytes) -> FullResponse {

@@ -10,9 +10,8 @@ use super::state::{AppState, MessageKind};
 use super::tile::{find_version, unknown_name};
 use super::work_queues::{RequestClient, WorkKind};
 use crate::store::{CityStore, SearchFileError};
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
@@ -39,19 +38,11 @@ struct SearchRequest {
 /// `/v1/cities/{city}/{version}/search`. Fails with 400 for an invalid `q` or `limit`, 401 without a required token, 404 for an unknown
 /// city or version, without an index, or with a share link for a part of the city; 500 if the index is damaged, 503 if it cannot be
 /// read.
-pub(super) async fn search(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let SearchRequest { text, limit } = search_request(uri.query().unwrap_or_default())?;
-    let (city, access) = match Route::parse(uri.path()) {
-        Ok(Route::Search { city, version }) => {
-            find_version(&state, RouteTemplate::Search, city, version, &uri, &headers)?
-        }
-        _ => return Err(unknown_name(&state, &uri, &headers)),
+pub(super) async fn search(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let SearchRequest { text, limit } = search_request(parts.uri.query().unwrap_or_default())?;
+    let (city, access) = match Route::parse(parts.uri.path()) {
+        Ok(Route::Search { city, version }) => find_version(&state, RouteTemplate::Search, city, version, &parts)?,
+        _ => return Err(unknown_name(&state, &parts)),
     };
     if !city.has_search() || !access.admits_computed(RouteTemplate::Search) {
         return Err(NO_INDEX);
@@ -68,10 +59,9 @@ pub(super) async fn search(
         };
         Ok(ComputedBytes::new(serde_json::to_vec(&index.search(&text, limit)).unwrap_or_default()))
     };
-    let found = state.work(WorkKind::Search).run(client, work).await.map_err(Shed::problem)?;
+    let found = state.work(WorkKind::Search).run(RequestClient::of(&parts), work).await.map_err(Shed::problem)?;
     let hits = found.map_err(|error| report_failure(&state, &city, &error))?;
-    let representation = hits.immutable("application/json", access.is_public());
-    Ok(representation.respond(&method, &headers).map(Body::from))
+    Ok(hits.immutable("application/json", access.is_public()).response_to(&parts))
 }
 
 /// Logs the failure. The client learns only whether a retry may help.

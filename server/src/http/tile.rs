@@ -13,7 +13,7 @@ use crate::store::CityStore;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri};
+use axum::http::{HeaderMap, HeaderValue, Method, Request, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
 use insula_archive::ReadError;
@@ -54,17 +54,17 @@ impl RequestedTile {
     /// The tile at a request's address. Fails with 400 for invalid numbers, 401 without a required token, or 404.
     pub(super) fn of_request(state: &AppState, request: &Parts) -> Result<Self, Problem> {
         match Route::parse(request.uri.path()) {
-            Ok(Route::Tile(tile)) => Self::resolve(state, tile, &request.uri, &request.headers),
+            Ok(Route::Tile(tile)) => Self::resolve(state, tile, request),
             Err(RouteError::InvalidTile) => Err(INVALID_TILE),
-            Err(RouteError::InvalidName) => Err(unknown_name(state, &request.uri, &request.headers)),
+            Err(RouteError::InvalidName) => Err(unknown_name(state, request)),
             _ => Err(NO_ROUTE),
         }
     }
 
     /// Looks up city and version. Fails with 401 without a required token, or 404.
-    fn resolve(state: &AppState, route: TileRoute<'_>, uri: &Uri, headers: &HeaderMap) -> Result<Self, Problem> {
+    fn resolve(state: &AppState, route: TileRoute<'_>, request: &Parts) -> Result<Self, Problem> {
         let template = Route::Tile(route).template();
-        let (city, access) = find_version(state, template, route.city, route.version, uri, headers)?;
+        let (city, access) = find_version(state, template, route.city, route.version, request)?;
         Self::of_city(city, access, route.kind, route.id, route.lod).ok_or(NO_TILE)
     }
 
@@ -152,14 +152,12 @@ pub(super) fn find_city(
     state: &AppState,
     route: RouteTemplate,
     name: &str,
-    uri: &Uri,
-    headers: &HeaderMap,
+    request: &Parts,
 ) -> Result<(Arc<CityStore>, CityAccess), Problem> {
     let catalog = state.catalog();
     let city = catalog.store().city(name);
     let version = city.map(|city| city.manifest().version.as_str());
-    let request = AccessRequest { route, city: name, version };
-    let access = catalog.access.authorize(Credentials::new(headers, uri), request)?;
+    let access = catalog.access.authorize(Credentials::of(request), AccessRequest { route, city: name, version })?;
     let city = city.ok_or(Problem::not_found("there is no such city"))?;
     Ok((Arc::clone(city), access))
 }
@@ -170,14 +168,13 @@ pub(super) fn find_version(
     route: RouteTemplate,
     city: &str,
     version: &str,
-    uri: &Uri,
-    headers: &HeaderMap,
+    request: &Parts,
 ) -> Result<(Arc<CityStore>, CityAccess), Problem> {
     let catalog = state.catalog();
     let found = catalog.store().version(city, version);
     let is_known = found.is_some() || catalog.store().city(city).is_some();
-    let request = AccessRequest { route, city, version: is_known.then_some(version) };
-    let access = catalog.access.authorize(Credentials::new(headers, uri), request)?;
+    let asked = AccessRequest { route, city, version: is_known.then_some(version) };
+    let access = catalog.access.authorize(Credentials::of(request), asked)?;
     match found {
         Some(city) => Ok((Arc::clone(city), access)),
         None if !is_known => Err(Problem::not_found("there is no such city")),
@@ -186,10 +183,11 @@ pub(super) fn find_version(
 }
 
 /// The response for a city or version that cannot exist: 404, or without a token the one for private cities.
-pub(super) fn unknown_name(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Problem {
-    let (route, city) = (RouteTemplate::of_path(uri.path()), uri.path().split('/').nth(3).unwrap_or_default());
-    let request = AccessRequest { route, city, version: None };
-    let denied = state.catalog().access.authorize(Credentials::new(headers, uri), request).err();
+pub(super) fn unknown_name(state: &AppState, request: &Parts) -> Problem {
+    let path = request.uri.path();
+    let (route, city) = (RouteTemplate::of_path(path), path.split('/').nth(3).unwrap_or_default());
+    let asked = AccessRequest { route, city, version: None };
+    let denied = state.catalog().access.authorize(Credentials::of(request), asked).err();
     denied.unwrap_or(Problem::not_found("there is no such city or version"))
 }
 

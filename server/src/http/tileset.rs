@@ -12,9 +12,9 @@ use super::state::{AppState, MessageKind};
 use super::tile::{find_city, find_version, unknown_name};
 use super::work_queues::{RequestClient, WorkKind};
 use crate::store::{CityStore, StoredCity};
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::Uri;
+use axum::http::request::Parts;
 use axum::response::Response;
 use insula_bake::read::EarthPlace;
 use insula_export::glb::ExportError;
@@ -37,30 +37,24 @@ enum FileError {
 /// `/v1/cities/{city}/3dtiles/tileset.json`, and the files that it names. Fails with 400 for invalid numbers, 401 without a required
 /// token, 404 for an unknown city, version or file, or with a share link for a part of the city or read-only; 500 if the city is damaged, 503 if the
 /// file cannot be made now.
-pub(super) async fn tileset_file(
-    State(state): State<AppState>,
-    RequestClient(client): RequestClient,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let (city, access, file) = requested(&state, &uri, &headers)?;
+pub(super) async fn tileset_file(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let (city, access, file) = requested(&state, &parts)?;
     if !access.admits_computed(RouteTemplate::Tileset) {
         return Err(NO_FILE);
     }
     let (read, runtime) = (Arc::clone(&city), Handle::current());
     let work = move |_: &StopFlag| make_now(&read, file, &runtime);
     let key = ComputedKey::File(city.serial(), file);
-    let made = state.computed.find_or_make(key, state.work(WorkKind::Tileset), client, work).await;
+    let made = state.computed.find_or_make(key, state.work(WorkKind::Tileset), RequestClient::of(&parts), work).await;
     let made = made.map_err(Shed::problem)?.map_err(|error| problem(&state, &city, error))?;
-    let made = with_share_link(made, file, &access, &uri);
+    let made = with_share_link(made, file, &access, &parts.uri);
     let is_public = access.is_public();
     let representation = match file {
         TilesetFile::Root => Representation::changing(made.body, "application/json", is_public),
         TilesetFile::Node(TilesetFileKind::Subtree, _) => made.immutable("application/octet-stream", is_public),
         TilesetFile::Node(TilesetFileKind::Content, _) => made.immutable("model/gltf-binary", is_public),
     };
-    Ok(representation.respond(&method, &headers).map(Body::from))
+    Ok(representation.response_to(&parts))
 }
 
 /// The root with the share link of the request in the addresses that it names: programs do not add it by themselves.
@@ -77,22 +71,18 @@ fn with_share_link(root: ComputedBytes, file: TilesetFile, access: &CityAccess, 
 }
 
 /// The city of an address that the request may see, and the file.
-fn requested(
-    state: &AppState,
-    uri: &Uri,
-    headers: &HeaderMap,
-) -> Result<(Arc<CityStore>, CityAccess, TilesetFile), Problem> {
-    match Route::parse(uri.path()) {
+fn requested(state: &AppState, request: &Parts) -> Result<(Arc<CityStore>, CityAccess, TilesetFile), Problem> {
+    match Route::parse(request.uri.path()) {
         Ok(Route::Tileset { city: name }) => {
-            let (city, access) = find_city(state, RouteTemplate::Tileset, name, uri, headers)?;
+            let (city, access) = find_city(state, RouteTemplate::Tileset, name, request)?;
             Ok((city, access, TilesetFile::Root))
         }
         Ok(Route::TilesetFile { city, version, kind, id }) => {
-            let (city, access) = find_version(state, RouteTemplate::TilesetFile, city, version, uri, headers)?;
+            let (city, access) = find_version(state, RouteTemplate::TilesetFile, city, version, request)?;
             Ok((city, access, TilesetFile::Node(kind, id)))
         }
         Err(RouteError::InvalidTile) => Err(INVALID_NODE),
-        Err(RouteError::InvalidName) => Err(unknown_name(state, uri, headers)),
+        Err(RouteError::InvalidName) => Err(unknown_name(state, request)),
         _ => Err(NO_ROUTE),
     }
 }

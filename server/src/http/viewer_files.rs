@@ -4,9 +4,9 @@
 
 use super::problem::Problem;
 use super::state::AppState;
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderValue, header};
 use axum::response::Response;
 use insula_protocol::route::Route;
 
@@ -15,25 +15,16 @@ const NO_FILE: Problem = Problem::not_found("the viewer of this server has no su
 const WORKER_POLICY: HeaderValue = HeaderValue::from_static("default-src 'none'; connect-src 'self'");
 
 /// `/assets/{hash}/{file}`. Fails with 404 for files of another version.
-pub(super) async fn asset(
-    State(state): State<AppState>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let Ok(Route::Asset { hash, file }) = Route::parse(uri.path()) else { return Err(NO_FILE) };
+pub(super) async fn asset(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let Ok(Route::Asset { hash, file }) = Route::parse(parts.uri.path()) else { return Err(NO_FILE) };
     let content = state.viewer.as_ref().and_then(|viewer| viewer.file(hash, file)).ok_or(NO_FILE)?;
-    Ok(content.select(&headers).clone().respond(&method, &headers).map(Body::from))
+    Ok(content.response_to(&parts))
 }
 
 /// `/service-worker.js`
-pub(super) async fn service_worker(
-    State(state): State<AppState>,
-    method: Method,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+pub(super) async fn service_worker(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
     let content = state.viewer.as_ref().and_then(|viewer| viewer.service_worker()).ok_or(NO_FILE)?;
-    let mut response = content.select(&headers).clone().respond(&method, &headers).map(Body::from);
+    let mut response = content.response_to(&parts);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, WORKER_POLICY);
     Ok(response)
 }

@@ -3,10 +3,8 @@
 use super::client_usage::default_share;
 use super::fair_queue::{FairQueue, QueueLimits};
 use crate::config::{AnalysesConfig, DrawingsConfig, ServeConfig};
-use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use insula_protocol::route::RouteTemplate;
-use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
@@ -116,14 +114,6 @@ pub(super) struct RequestClient(pub(super) IpAddr);
 impl RequestClient {
     pub(super) fn of(parts: &Parts) -> IpAddr {
         parts.extensions.get::<Self>().map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
-    }
-}
-
-impl<S: Sync> FromRequestParts<S> for RequestClient {
-    type Rejection = Infallible;
-
-    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
-        Ok(Self(Self::of(parts)))
     }
 }
 

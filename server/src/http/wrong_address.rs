@@ -8,7 +8,8 @@ use super::state::AppState;
 use crate::page::{self, CityListPage, escape_html};
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
+use axum::http::request::Parts;
+use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use insula_protocol::manifest::is_name;
 use insula_protocol::route;
@@ -17,23 +18,23 @@ use insula_protocol::route;
 const MAX_PATH_BYTES: usize = 512;
 
 /// All addresses without a route.
-pub(super) async fn not_found(State(state): State<AppState>, method: Method, uri: Uri, headers: HeaderMap) -> Response {
-    if method == Method::GET || method == Method::HEAD {
-        return respond(&state, NO_ROUTE, &uri, &headers);
+pub(super) async fn not_found(State(state): State<AppState>, parts: Parts) -> Response {
+    if parts.method == Method::GET || parts.method == Method::HEAD {
+        return respond(&state, NO_ROUTE, &parts);
     }
     NO_ROUTE.into_response()
 }
 
 /// The response to a request for a page that cannot be shown.
-pub(super) fn respond(state: &AppState, problem: Problem, uri: &Uri, headers: &HeaderMap) -> Response {
-    if accepts(headers, "text/html") <= 0.0 {
+pub(super) fn respond(state: &AppState, problem: Problem, request: &Parts) -> Response {
+    if accepts(&request.headers, "text/html") <= 0.0 {
         return problem.into_response();
     }
     let prefix = state.public_url.as_ref().map(|url| url.prefix());
     // Whether that page exists, and may be seen, only its own response says.
-    match meant_path(uri.path(), prefix.unwrap_or_default()) {
-        Some(path) => redirect(uri, &path, prefix),
-        None => explain(state, &problem, uri, headers),
+    match meant_path(request.uri.path(), prefix.unwrap_or_default()) {
+        Some(path) => redirect(&request.uri, &path, prefix),
+        None => explain(state, &problem, request),
     }
 }
 
@@ -73,13 +74,13 @@ fn redirect(uri: &Uri, path: &str, prefix: Option<&str>) -> Response {
 }
 
 /// The problem as a page with a link to the list of cities.
-fn explain(state: &AppState, problem: &Problem, uri: &Uri, headers: &HeaderMap) -> Response {
-    let texts = state.texts(headers);
+fn explain(state: &AppState, problem: &Problem, request: &Parts) -> Response {
+    let texts = state.texts(&request.headers);
     let (title, hint) = match problem.status() {
         StatusCode::UNAUTHORIZED => (&texts.private, &texts.private_hint),
         _ => (&texts.not_found, &texts.not_found_hint),
     };
-    let root = relative_root(uri);
+    let root = relative_root(&request.uri);
     let mut page = CityListPage::new(&state.brand, texts, None, None);
     page.push_paragraph(&format!("<strong>{}</strong>", escape_html(title)));
     page.push_paragraph(&escape_html(hint));
