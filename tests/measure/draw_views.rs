@@ -3,9 +3,6 @@
 
 use anyhow::{Result, ensure};
 use clap::Parser;
-use insula_draw::limits::DrawLimits;
-use insula_draw::sheet::Paper;
-use insula_draw::style::Stylesheet;
 use insula_draw::view::DrawView;
 use insula_draw::{DrawRequest, DrawnPart, draw_part};
 use insula_export::selection::ObjectSelection;
@@ -43,23 +40,12 @@ fn main() -> Result<()> {
     let schema = StoredCity::read_schema(&read)?;
     let source = StoredCity::new(city.manifest(), &schema, &read);
     let bbox = args.bbox_metres.as_ref().map(|ends| [[ends[0], ends[1]], [ends[2], ends[3]]]);
-    let request = |view: &[f64]| -> Result<DrawRequest> {
-        Ok(DrawRequest {
-            view: DrawView::Axonometric { azimuth_deg: view[0], elevation_deg: view[1] },
-            selection: ObjectSelection { bbox, ..ObjectSelection::default() },
-            paper: Paper::parse("A3")?,
-            scale: None,
-            is_bare: false,
-            title: None,
-            style: Stylesheet::default(),
-            is_sheet: false,
-            date: String::new(),
-            note: String::new(),
-            color_by: None,
-            limits: DrawLimits::default(),
-        })
+    let request = |view: &[f64]| DrawRequest {
+        view: DrawView::Axonometric { azimuth_deg: view[0], elevation_deg: view[1] },
+        selection: ObjectSelection { bbox, ..ObjectSelection::default() },
+        ..DrawRequest::default()
     };
-    let (first, second) = (request(&args.first)?, request(&args.second)?);
+    let (first, second) = (request(&args.first), request(&args.second));
     let mut seconds = [const { Vec::new() }; 3];
     let mut report = String::new();
     for _ in 0..args.rounds {

@@ -21,7 +21,7 @@ use insula_draw::file::{DrawingFormat, pdf_letters, write_drawing};
 use insula_draw::sheet::Paper;
 use insula_draw::style::Stylesheet;
 use insula_draw::view::DrawView;
-use insula_draw::{DrawError, DrawLimits, DrawRequest, draw, over_heights};
+use insula_draw::{DrawError, DrawRequest, draw, over_heights};
 use insula_export::camera::ExportCamera;
 use insula_export::selection::{ObjectSelection, passing};
 use insula_export::source::ExportSource;
@@ -105,9 +105,8 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         style: style(args, &source)?,
         is_sheet: args.sheet,
         date: args.time.map(|time| time.to_string()).unwrap_or_default(),
-        note: String::new(),
         color_by: color_by.transpose()?,
-        limits: DrawLimits::default(),
+        ..DrawRequest::default()
     };
     let shown = Mutex::new(None);
     let drawing = draw(&source, &request, &|step, share| show(&shown, step, share));

@@ -20,7 +20,6 @@ use serde::Deserialize;
 const MAX_M: f64 = 1e9;
 /// Longest title in bytes.
 const MAX_TITLE_BYTES: usize = 256;
-const DEFAULT_PAPER: &str = "A3";
 
 /// The options of a drawing. All but the format have defaults.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -87,7 +86,7 @@ impl DrawingOptions {
         if self.title.as_ref().is_some_and(|title| title.len() > MAX_TITLE_BYTES) {
             return invalid(format!("title: longer than {MAX_TITLE_BYTES} bytes"));
         }
-        let paper = Paper::parse(self.paper.as_deref().unwrap_or(DEFAULT_PAPER))?;
+        let paper = self.paper.as_deref().map_or(Ok(Paper::default()), Paper::parse)?;
         let mut style = self.style.clone().map_or_else(|| Ok(Stylesheet::default()), Stylesheet::completed)?;
         style.shadows |= self.shadows;
         if let Some(word) = &self.look {
@@ -108,17 +107,15 @@ impl DrawingOptions {
         };
         Ok(DrawRequest {
             view,
-            selection: ObjectSelection::default(),
             paper,
             scale,
             is_bare: self.bare,
             title: self.title.clone(),
             style,
             is_sheet: self.sheet,
-            date: String::new(),
-            note: String::new(),
             color_by,
             limits,
+            ..DrawRequest::default()
         })
     }
 

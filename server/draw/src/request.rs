@@ -12,7 +12,7 @@ use insula_objects::ColorBy;
 pub(crate) const LOD_ERROR_MM: f64 = 0.05;
 
 /// What is drawn and how.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct DrawRequest {
     pub view: DrawView,
     pub selection: ObjectSelection,

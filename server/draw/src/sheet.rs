@@ -36,6 +36,13 @@ pub struct Paper {
     pub size_mm: [f64; 2],
 }
 
+impl Default for Paper {
+    /// A3.
+    fn default() -> Self {
+        Self { size_mm: [420.0, 297.0] }
+    }
+}
+
 impl Paper {
     /// Reads `A3`, `A3-portrait` or `WIDTHxHEIGHT` in millimetres. Fails on other names and on sizes from out of 20 to 2000 mm.
     pub fn parse(text: &str) -> Result<Self, DrawError> {

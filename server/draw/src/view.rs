@@ -16,9 +16,10 @@ const OVERLAP_MM: f64 = 1.0;
 const SCALES: [f64; 6] = [1.0, 1.25, 2.0, 2.5, 5.0, 7.5];
 
 /// From where a drawing shows the city.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum DrawView {
     /// From above, north at the top.
+    #[default]
     Plan,
     /// Parallel rays. The view looks towards `azimuth_deg`, clockwise from the grid's north, from `elevation_deg` above the horizon
     /// (0 to 90).

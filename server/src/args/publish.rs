@@ -44,7 +44,7 @@ pub struct SignArgs {
 }
 
 /// Arguments of `publish`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct PublishArgs {
     /// City folders, or folders of city folders
     #[arg(required = true, value_name = "CITY")]

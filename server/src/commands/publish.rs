@@ -60,14 +60,14 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         }
         let has_proposals = write_proposals(&mut site, city, &brand)?;
         let links = CityLinks { has_proposals, ..in_city_folder(city, args, cities.len()) };
-        let html = page::city_page(facts(city), &links, viewer, &brand);
+        let html = page::city_page(CityFacts::of(city), &links, viewer, &brand);
         site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
     }
     let index = match &cities[..] {
         [city] => {
             let has_proposals = brand.proposals_of(&city.manifest().name).is_some();
             let links = CityLinks { has_proposals, ..in_root(city, args) };
-            page::city_page(facts(city), &links, viewer, &brand)
+            page::city_page(CityFacts::of(city), &links, viewer, &brand)
         }
         cities => list(cities, viewer, args, &brand),
     };
@@ -137,10 +137,6 @@ fn write_city(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandErro
     Err(CommandError::file(folder, "it was replaced meanwhile; run the command again"))
 }
 
-fn facts(city: &CityStore) -> CityFacts<'_> {
-    CityFacts { manifest: city.manifest(), file_bytes: city.file_bytes() }
-}
-
 /// The links of a city's page in the city's folder.
 fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLinks {
     CityLinks {
@@ -180,7 +176,7 @@ fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs, b
     let mut page = CityListPage::new(brand, languages.english(), icon, Some(&policy));
     for city in cities {
         let links = in_root(city, args);
-        page.push_city(&CityInList { facts: facts(city), page: Some(links.source.clone()), links });
+        page.push_city(&CityInList { facts: CityFacts::of(city), page: Some(links.source.clone()), links });
     }
     page.finish()
 }
@@ -220,20 +216,8 @@ mod tests {
         let publish = |cities: &[&std::path::PathBuf], url: Option<&str>| {
             let cities = cities.iter().map(|city| (*city).clone()).collect();
             let url = url.map(str::to_owned);
-            publish_site(
-                &PublishArgs {
-                    cities,
-                    out: out.clone(),
-                    title: None,
-                    url,
-                    tileset: false,
-                    proposals: None,
-                    config: None,
-                    json: Default::default(),
-                },
-                &viewer,
-            )
-            .unwrap();
+            let args = PublishArgs { cities, out: out.clone(), url, ..PublishArgs::default() };
+            publish_site(&args, &viewer).unwrap();
             fs::read_to_string(out.join("404.html")).unwrap()
         };
         let page = publish(&[&one], None);

@@ -50,7 +50,7 @@ fn record<'c>(site: &SiteFolder, city: &'c CityStore) -> Result<CityRecord<'c>, 
     let mark = |name: &str| site.mark(&format!("cities/{}/{name}", manifest.name));
     Ok(CityRecord {
         manifest,
-        description: description(CityFacts { manifest, file_bytes: city.file_bytes() }),
+        description: description(CityFacts::of(city)),
         extent: discovery::extent(manifest),
         time,
         files: city_files().filter_map(|file| Some((file, mark(file.name)?))).collect(),

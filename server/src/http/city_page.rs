@@ -51,7 +51,7 @@ fn find(state: &AppState, template: RouteTemplate, request: &Parts) -> Result<(A
 
 /// The page of a city that the request may see: with the viewer, if the server has it.
 pub(super) fn respond_with_city(state: &AppState, city: &CityStore, access: CityAccess, request: &Parts) -> Response {
-    let facts = facts(city);
+    let facts = CityFacts::of(city);
     let root = relative_root(&request.uri);
     let is_public = access.is_public();
     let links = CityLinks {
@@ -93,11 +93,6 @@ fn rule_names() -> Vec<&'static str> {
 #[cfg(not(feature = "bake"))]
 fn rule_names() -> Vec<&'static str> {
     Vec::new()
-}
-
-/// A city as pages describe it.
-pub(super) fn facts(city: &CityStore) -> CityFacts<'_> {
-    CityFacts { manifest: city.manifest(), file_bytes: city.file_bytes() }
 }
 
 /// The addresses of a city, with the share link of the request if the city needs one.

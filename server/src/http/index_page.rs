@@ -1,14 +1,14 @@
 //! The page at `/`: the cities with their sources, and the command that opens them; of a single city, the city's page.
 
 use super::access_control::{CityAccess, Credentials};
-use super::city_page::{facts, links, respond_with_city};
+use super::city_page::{links, respond_with_city};
 use super::fair_queue::{Shed, StopFlag};
 use super::page_request::page_request;
 use super::page_response::{displayed_origin, relative, respond, share_query};
 use super::problem::Problem;
 use super::state::AppState;
 use super::work_queues::{RequestClient, WorkKind};
-use crate::page::{self, CityInList, CityListPage, NO_VIEWER, escape_html};
+use crate::page::{self, CityFacts, CityInList, CityListPage, NO_VIEWER, escape_html};
 use crate::store::CityStore;
 use axum::extract::State;
 use axum::http::HeaderValue;
@@ -63,7 +63,7 @@ fn page_of(state: &AppState, parts: &Parts) -> Result<Response, Problem> {
         let links = links(state, city, !is_shared(name), parts);
         let query = if is_shared(name) { share_query(&parts.uri) } else { None }.unwrap_or_default();
         let city_page = state.viewer.as_ref().map(|_| relative("", &route::city_page(name)) + &query);
-        page.push_city(&CityInList { facts: facts(city), page: city_page, links });
+        page.push_city(&CityInList { facts: CityFacts::of(city), page: city_page, links });
         shown += 1;
         if cities.peek().is_some() && (shown == request.limit.get() || page.is_full()) {
             let limit = request.limit;

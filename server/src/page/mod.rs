@@ -11,6 +11,7 @@ mod list_page;
 mod policy;
 mod texts;
 
+use crate::store::CityStore;
 pub(crate) use about::description;
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
@@ -36,6 +37,12 @@ pub(crate) struct CityFacts<'a> {
     pub(crate) manifest: &'a Manifest,
     /// Size of all archives.
     pub(crate) file_bytes: u64,
+}
+
+impl<'a> CityFacts<'a> {
+    pub(crate) fn of(city: &'a CityStore) -> Self {
+        Self { manifest: city.manifest(), file_bytes: city.file_bytes() }
+    }
 }
 
 /// What a city's page refers to. Addresses are absolute, or relative to the page.

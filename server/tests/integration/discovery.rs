@@ -11,16 +11,7 @@ use std::path::{Path, PathBuf};
 
 fn publish(cities: &[PathBuf], out: &Path, tileset: bool) -> Result<(), String> {
     let (cities, out) = (cities.to_vec(), out.to_owned());
-    let args = PublishArgs {
-        cities,
-        out,
-        title: None,
-        url: None,
-        tileset,
-        proposals: None,
-        config: None,
-        json: Default::default(),
-    };
+    let args = PublishArgs { cities, out, tileset, ..PublishArgs::default() };
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 

@@ -6,9 +6,8 @@ use insula_draw::file::{DrawingFormat, encode};
 use insula_draw::sheet::Paper;
 use insula_draw::style::Stylesheet;
 use insula_draw::view::DrawView;
-use insula_draw::{DrawLimits, DrawRequest, DrawnPart, draw, draw_part};
+use insula_draw::{DrawRequest, DrawnPart, draw, draw_part};
 use insula_export::camera::ExportCamera;
-use insula_export::selection::ObjectSelection;
 use insula_objects::Schema;
 use insula_server::config::ServeConfig;
 use insula_server::store::{CityStore, StoredCity};
@@ -37,20 +36,8 @@ async fn assert_refused(server: &TestServer, headers: &str, body: &str, status: 
 }
 
 fn request(view: DrawView, scale: Option<f64>, style: Stylesheet) -> DrawRequest {
-    DrawRequest {
-        view,
-        selection: ObjectSelection::default(),
-        paper: Paper::parse("A4").unwrap(),
-        scale,
-        is_bare: false,
-        title: Some("A <title>".to_owned()),
-        style,
-        is_sheet: false,
-        date: String::new(),
-        note: String::new(),
-        color_by: None,
-        limits: DrawLimits::default(),
-    }
+    let (paper, title) = (Paper::parse("A4").unwrap(), Some("A <title>".to_owned()));
+    DrawRequest { view, paper, scale, title, style, ..DrawRequest::default() }
 }
 
 #[tokio::test]

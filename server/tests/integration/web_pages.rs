@@ -337,16 +337,8 @@ pub(crate) fn share_query(keys: &Path, arguments: &[&str]) -> String {
 fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
     let cities = cities.iter().map(|city| city.to_path_buf()).collect();
     let url = Some("https://cities.example.org/".to_owned());
-    let args = PublishArgs {
-        cities,
-        out: out.to_owned(),
-        title: Some("Our <cities>".into()),
-        url,
-        tileset: false,
-        proposals: None,
-        config: None,
-        json: Default::default(),
-    };
+    let title = Some("Our <cities>".into());
+    let args = PublishArgs { cities, out: out.to_owned(), title, url, ..PublishArgs::default() };
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 

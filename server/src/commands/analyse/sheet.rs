@@ -9,17 +9,14 @@ use crate::args::Analysis;
 use insula_analysis::surface::CitySurface;
 use insula_draw::file::{DrawingFormat, pdf_letters, write_drawing};
 use insula_draw::picture::{ValuePicture, lay, outline};
-use insula_draw::sheet::Paper;
-use insula_draw::style::Stylesheet;
 use insula_draw::view::DrawView;
-use insula_draw::{DrawLimits, DrawRequest, draw};
+use insula_draw::{DrawRequest, draw};
 use insula_export::raster::CellExtent;
 use insula_export::selection::ObjectSelection;
 use std::path::Path;
 
 /// Longest side of the picture in pixels. Larger areas show every second cell, or fewer.
 const MAX_SIDE: u32 = 4096;
-const PAPER: &str = "A3";
 
 /// Writes the sheet of an answer. Fails if the city is too large for a drawing, or if the file cannot be written.
 pub(super) fn write(
@@ -29,21 +26,13 @@ pub(super) fn write(
     out: &Path,
 ) -> Result<(), CommandError> {
     let failed = |error: &dyn std::fmt::Display| CommandError::file(out, error);
-    let paper = Paper::parse(PAPER).map_err(|error| failed(&error))?;
     let area = area(question, surface);
     let request = DrawRequest {
         view: DrawView::Plan,
         selection: ObjectSelection { bbox: Some(area), ..ObjectSelection::default() },
-        paper,
-        scale: None,
-        is_bare: false,
         title: Some(format!("{}: {}", question.source.manifest().title, answer.title)),
-        style: Stylesheet::default(),
-        is_sheet: false,
-        date: String::new(),
         note: "Values are those of the legend; the drawing below them is lit from the upper left.".to_owned(),
-        color_by: None,
-        limits: DrawLimits::default(),
+        ..DrawRequest::default()
     };
     let mut drawing = draw(question.source, &request, &|_, _| true).map_err(|error| failed(&error))?;
     let colors = colors_of(question, answer);
