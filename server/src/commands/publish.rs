@@ -127,7 +127,7 @@ fn write_city(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandErro
     let Some(folder) = city.folder() else { return Ok(()) };
     let archives = city.archives().map(|(kind, _)| kind.file_name());
     let optional =
-        city.has_search().then_some(SEARCH_FILE).into_iter().chain(city.has_thumbnail().then_some(THUMBNAIL_FILE));
+        city.has_search().then_some(SEARCH_FILE).into_iter().chain(city.has_thumbnail.then_some(THUMBNAIL_FILE));
     for name in archives.chain([MANIFEST_FILE]).chain(optional) {
         site.link(&folder.join(name), &format!("cities/{}/{name}", city.manifest().name))?;
     }
@@ -142,7 +142,7 @@ fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLi
     CityLinks {
         source: "./".into(),
         root: "../../".into(),
-        thumbnail: city.has_thumbnail().then(|| THUMBNAIL_FILE.to_owned()),
+        thumbnail: city.has_thumbnail.then(|| THUMBNAIL_FILE.to_owned()),
         list: (cities > 1).then(|| "../../".to_owned()),
         ..links(city, args)
     }
@@ -152,7 +152,7 @@ fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLi
 fn in_root(city: &CityStore, args: &PublishArgs) -> CityLinks {
     let folder = format!("cities/{}/", city.manifest().name);
     CityLinks {
-        thumbnail: city.has_thumbnail().then(|| format!("{folder}{THUMBNAIL_FILE}")),
+        thumbnail: city.has_thumbnail.then(|| format!("{folder}{THUMBNAIL_FILE}")),
         source: folder,
         ..links(city, args)
     }
@@ -161,7 +161,7 @@ fn in_root(city: &CityStore, args: &PublishArgs) -> CityLinks {
 fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
     let folder = args.url.as_ref().map(|url| format!("{url}cities/{}/", city.manifest().name));
     CityLinks {
-        preview: folder.as_ref().filter(|_| city.has_thumbnail()).map(|folder| format!("{folder}{THUMBNAIL_FILE}")),
+        preview: folder.as_ref().filter(|_| city.has_thumbnail).map(|folder| format!("{folder}{THUMBNAIL_FILE}")),
         canonical: folder,
         is_public: true,
         meta_policy: Some(meta_policy(viewer_policy())),

@@ -21,7 +21,7 @@ const MIN_TOKEN_BYTES: usize = 16;
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct AccessControl {
     /// Tokens or share links are configured. Their files may be empty: then nothing opens a private city.
-    is_restricted: bool,
+    pub(super) is_restricted: bool,
     tokens: BTreeSet<[u8; 32]>,
     share_keys: ShareKeys,
     /// If empty, all cities are private.
@@ -96,11 +96,6 @@ impl AccessControl {
     /// Whether there are tokens or keys, or none are configured.
     pub(super) fn is_usable(&self) -> bool {
         !self.is_restricted || !self.tokens.is_empty() || !self.share_keys.is_empty()
-    }
-
-    /// Whether some cities may need a token or link.
-    pub(super) fn is_restricted(&self) -> bool {
-        self.is_restricted
     }
 
     /// Whether a city of this name needs no token.

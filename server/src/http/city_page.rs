@@ -61,7 +61,7 @@ pub(super) fn respond_with_city(state: &AppState, city: &CityStore, access: City
         ..links(state, city, is_public, request)
     };
     let (html, policy) = match &state.viewer {
-        Some(viewer) => (page::city_page(facts, &links, viewer.assets(), &state.brand), page::viewer_policy()),
+        Some(viewer) => (page::city_page(facts, &links, &viewer.assets, &state.brand), page::viewer_policy()),
         None => {
             let mut page = CityListPage::new(&state.brand, state.texts(&request.headers), None, None);
             page.push_city(&CityInList { facts, page: None, links });
@@ -101,7 +101,7 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, request
     let query = if is_public { None } else { share_query(&request.uri) }.unwrap_or_default();
     let root = relative_root(&request.uri);
     let manifest = route::manifest(name) + &query;
-    let thumbnail = city.has_thumbnail().then(|| route::thumbnail(name) + &query);
+    let thumbnail = city.has_thumbnail.then(|| route::thumbnail(name) + &query);
     let origin = known_origin(state, request).filter(|_| is_public);
     CityLinks {
         source: relative(&root, &manifest),

@@ -44,7 +44,8 @@ struct ClientShares {
 pub(super) struct ClientUsage {
     connections: AtomicUsize,
     over_limit: AtomicUsize,
-    in_flight: InFlightBudget,
+    /// The client's requests and response bytes in flight.
+    pub(super) in_flight: InFlightBudget,
 }
 
 /// An open connection of a client; counted until it is dropped.
@@ -52,7 +53,7 @@ pub(super) struct ClientUsage {
 pub(super) struct ClientSlot {
     table: Arc<ClientTable>,
     network: IpAddr,
-    usage: Arc<ClientUsage>,
+    pub(super) usage: Arc<ClientUsage>,
     class: ConnectionClass,
 }
 
@@ -106,19 +107,8 @@ impl ClientTable {
 }
 
 impl ClientUsage {
-    /// The client's requests and response bytes in flight.
-    pub(super) fn in_flight(&self) -> &InFlightBudget {
-        &self.in_flight
-    }
-
     fn counter(&self, class: ConnectionClass) -> &AtomicUsize {
         if class == ConnectionClass::Served { &self.connections } else { &self.over_limit }
-    }
-}
-
-impl ClientSlot {
-    pub(super) fn usage(&self) -> &Arc<ClientUsage> {
-        &self.usage
     }
 }
 
@@ -156,8 +146,8 @@ mod tests {
         let mut slots: Vec<_> = [one, same, one].iter().map(|ip| table.connect(*ip, Served).unwrap()).collect();
         assert!(table.connect(same, Served).is_none(), "three quarters of four");
         assert!(table.connect(other, Served).is_some());
-        assert!((0..7).all(|_| slots[0].usage().in_flight().try_enter()));
-        assert!(!slots[1].usage().in_flight().try_enter(), "a /64 network is one client");
+        assert!((0..7).all(|_| slots[0].usage.in_flight.try_enter()));
+        assert!(!slots[1].usage.in_flight.try_enter(), "a /64 network is one client");
         slots.push(table.connect(one, OverLimit).unwrap());
         assert!(table.connect(one, OverLimit).is_none());
         slots.extend((0..5).filter_map(|_| table.connect(one, Reserved)));

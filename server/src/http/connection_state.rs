@@ -16,9 +16,9 @@ const OVER_LIMIT_TIMEOUT: Duration = Duration::from_secs(2);
 /// What one connection is doing and since when. Times are milliseconds of `clock_ms`; 0 means "not running".
 #[derive(Debug)]
 pub(super) struct ConnectionState {
-    ip: Option<IpAddr>,
+    pub(super) ip: Option<IpAddr>,
     client: Option<Arc<ClientUsage>>,
-    over_limit: bool,
+    pub(super) is_over_limit: bool,
     /// Shared by the worker's connections. The worker advances it a few times per second, so that reading the time needs no
     /// system call.
     clock_ms: Arc<AtomicU64>,
@@ -66,7 +66,7 @@ impl ConnectionState {
         Self {
             ip,
             client,
-            over_limit,
+            is_over_limit: over_limit,
             clock_ms,
             timeouts,
             requests_in_progress: AtomicU32::new(0),
@@ -82,17 +82,9 @@ impl ConnectionState {
         }
     }
 
-    pub(super) fn ip(&self) -> Option<IpAddr> {
-        self.ip
-    }
-
     /// What the client uses of the limits, if its address is known.
     pub(super) fn client(&self) -> Option<&ClientUsage> {
         self.client.as_deref()
-    }
-
-    pub(super) fn is_over_limit(&self) -> bool {
-        self.over_limit
     }
 
     /// Which timeout has expired, as a metric label.

@@ -86,7 +86,7 @@ async fn member(
     };
     match tile.bytes(state, tiles).await {
         Ok(bytes) => Ok(GroupMember::Tile(bytes)),
-        Err(problem) if problem.status() == StatusCode::INTERNAL_SERVER_ERROR => Ok(GroupMember::LeftOut),
+        Err(problem) if problem.status == StatusCode::INTERNAL_SERVER_ERROR => Ok(GroupMember::LeftOut),
         Err(problem) => Err(problem),
     }
 }

@@ -41,7 +41,7 @@ pub(super) async fn metrics(State(state): State<AppState>, parts: Parts) -> Resp
     let now = CurrentCounts {
         in_flight: state.in_flight.requests(),
         cities: store.cities().filter(|city| is_counted(&city.manifest().name)).count(),
-        failed_cities: if sees_all || !access.is_restricted() { store.failures().count() } else { 0 },
+        failed_cities: if sees_all || !access.is_restricted { store.failures().count() } else { 0 },
         older_versions: store.older_versions(is_counted),
         computed_bytes,
     };

@@ -48,7 +48,7 @@ fn page_of(state: &AppState, parts: &Parts) -> Result<Response, Problem> {
             return Ok(respond_with_city(state, city, access.unwrap_or(CityAccess::Public), parts));
         }
     }
-    let icon = state.viewer.as_ref().map(|viewer| viewer.assets().folder("") + "icon.svg");
+    let icon = state.viewer.as_ref().map(|viewer| viewer.assets.folder("") + "icon.svg");
     let texts = state.texts(&parts.headers);
     let mut page = CityListPage::new(&state.brand, texts, icon.as_deref(), None);
     if state.viewer.is_none() {

@@ -25,7 +25,7 @@ pub(super) const NO_ROUTE: Problem =
 #[derive(Debug, Clone)]
 pub struct Problem {
     r#type: &'static str,
-    status: StatusCode,
+    pub(super) status: StatusCode,
     detail: Cow<'static, str>,
     header: Option<(HeaderName, HeaderValue)>,
 }
@@ -75,11 +75,6 @@ impl Problem {
     /// 500 with `Retry-After: 60`: the server's copy of a city has failed, which may be replaced.
     pub(super) fn damaged(detail: &'static str) -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, detail).with(header::RETRY_AFTER, HeaderValue::from_static("60"))
-    }
-
-    /// The response's status.
-    pub(super) const fn status(&self) -> StatusCode {
-        self.status
     }
 
     /// Sets the extra header.

@@ -94,7 +94,7 @@ impl RequestGuard {
     }
 
     fn client_budget(&self) -> Option<&InFlightBudget> {
-        Some(self.connection.as_ref()?.client()?.in_flight())
+        Some(&self.connection.as_ref()?.client()?.in_flight)
     }
 
     /// Starts the deadline of the response.

@@ -138,7 +138,7 @@ impl HttpService {
             route = RouteTemplate::of_path(uri.path());
             parts.uri = uri;
         }
-        let over_limit = connection.filter(|connection| connection.is_over_limit());
+        let over_limit = connection.filter(|connection| connection.is_over_limit);
         if let Some(connection) = over_limit {
             connection.start_shutdown();
         }
@@ -152,7 +152,7 @@ impl HttpService {
             // What follows an unread body cannot be parsed as a request.
             must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
-        let client = connection.and_then(|connection| connection.ip());
+        let client = connection.and_then(|connection| connection.ip);
         let client = client.map(|ip| client_address(ip, &self.state().proxies, &parts.headers));
         if let Err(problem) = self.admit(connection, client, route, &parts) {
             return pending.ready(Err(problem));
@@ -187,7 +187,7 @@ impl HttpService {
         parts: &Parts,
     ) -> Result<(), Problem> {
         // An orchestrator would restart a server that is merely busy.
-        if connection.is_some_and(|connection| connection.is_over_limit()) && !route.is_operational() {
+        if connection.is_some_and(|connection| connection.is_over_limit) && !route.is_operational() {
             return Err(Problem::unavailable("too many connections: retry in a second"));
         }
         if parts.headers.len() > self.state().limits.headers {

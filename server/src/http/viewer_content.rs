@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// The viewer with its files ready to be sent.
 #[derive(Debug)]
 pub(super) struct ViewerContent {
-    assets: ViewerAssets,
+    pub(super) assets: ViewerAssets,
     files: BTreeMap<String, EncodedContent>,
     service_worker: Option<EncodedContent>,
 }
@@ -23,10 +23,6 @@ impl ViewerContent {
         let worker = assets.files().find(|(name, _)| *name == SERVICE_WORKER_FILE);
         let service_worker = worker.map(|(name, file)| content(name, file, REVALIDATE));
         Self { assets, files, service_worker }
-    }
-
-    pub(super) fn assets(&self) -> &ViewerAssets {
-        &self.assets
     }
 
     /// A file of the version `hash`.

@@ -173,7 +173,7 @@ impl WorkerState {
 
     fn spawn_connection(self: Arc<Self>, accepted: AcceptedConnection, builder: &Arc<auto::Builder<StreamExecutor>>) {
         let AcceptedConnection { stream, ip, client, over_limit, permit } = accepted;
-        let (usage, clock_ms) = (client.usage().clone(), self.clock_ms.clone());
+        let (usage, clock_ms) = (client.usage.clone(), self.clock_ms.clone());
         let state = ConnectionState::new(Some(ip), Some(usage), over_limit, clock_ms, self.timeouts);
         let state = Arc::new(state);
         self.service.state().metrics.connection_opened(over_limit);

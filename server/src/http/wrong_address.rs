@@ -76,7 +76,7 @@ fn redirect(uri: &Uri, path: &str, prefix: Option<&str>) -> Response {
 /// The problem as a page with a link to the list of cities.
 fn explain(state: &AppState, problem: &Problem, request: &Parts) -> Response {
     let texts = state.texts(&request.headers);
-    let (title, hint) = match problem.status() {
+    let (title, hint) = match problem.status {
         StatusCode::UNAUTHORIZED => (&texts.private, &texts.private_hint),
         _ => (&texts.not_found, &texts.not_found_hint),
     };

@@ -27,11 +27,12 @@ static NEXT_SERIAL: AtomicU64 = AtomicU64::new(0);
 #[derive(Debug)]
 pub struct CityStore {
     serial: u64,
-    stamp: CityStamp,
+    pub(super) stamp: CityStamp,
     city: BakedCity,
     /// `None` for a remote city. Its location is text, which the name of a folder need not be.
     folder: Option<PathBuf>,
-    has_thumbnail: bool,
+    /// Whether the bake's picture was in the folder when it was opened.
+    pub(crate) has_thumbnail: bool,
     search: Option<SearchFile>,
 }
 
@@ -91,11 +92,6 @@ impl CityStore {
         self.folder.as_ref().is_some_and(|folder| CityStamp::of(folder).is_ok_and(|stamp| stamp == self.stamp))
     }
 
-    /// Whether the bake's picture was in the folder when it was opened.
-    pub(crate) fn has_thumbnail(&self) -> bool {
-        self.has_thumbnail
-    }
-
     /// Reads the bake's picture. `None` if there is none, or it is none.
     pub(crate) fn read_thumbnail(&self) -> Option<Bytes> {
         let path = self.folder.as_ref().filter(|_| self.has_thumbnail)?.join(THUMBNAIL_FILE);
@@ -114,10 +110,6 @@ impl CityStore {
     pub fn search_index(&self) -> Result<CityIndex, SearchFileError> {
         let none = || SearchFileError::None { place: self.location().to_owned() };
         self.search.as_ref().ok_or_else(none)?.index(self.manifest().marks)
-    }
-
-    pub(super) fn stamp(&self) -> &CityStamp {
-        &self.stamp
     }
 }
 

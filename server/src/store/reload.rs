@@ -55,8 +55,8 @@ impl Store {
 
     /// The city of a URL, if it could be opened.
     fn known(&self, remote: &RemoteCity) -> Option<(&String, &CityStamp)> {
-        let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url());
-        known.map(|(name, versions)| (name, versions.current.stamp()))
+        let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url);
+        known.map(|(name, versions)| (name, &versions.current.stamp))
     }
 
     /// Opens the remote cities that have changed; none if not `must_ask`. A store that does not respond delays the others little.
@@ -139,7 +139,7 @@ impl StoreReload {
 
     /// Opens the city in a folder if it has changed. `known` is the city that was opened from there. Returns the city that exists.
     fn check_folder(&mut self, folder: &Path, known: Option<&String>, retention: RetentionPolicy) -> Option<String> {
-        let stamp = known.and_then(|name| self.store.city(name)).map(|city| city.stamp().clone());
+        let stamp = known.and_then(|name| self.store.city(name)).map(|city| city.stamp.clone());
         match self.store.reads.changed_city(folder, stamp) {
             Ok(None) => known.cloned(),
             Ok(Some(city)) => {

@@ -26,7 +26,7 @@ use tokio::task::{JoinError, spawn_blocking};
 /// A city's URL, and where it is in its store.
 #[derive(Debug, Clone)]
 pub(super) struct RemoteCity {
-    url: String,
+    pub(super) url: String,
     store: Arc<dyn ObjectStore>,
     folder: Path,
     requests: Arc<StoreRequests>,
@@ -48,7 +48,7 @@ impl RemoteCity {
         // `StoreRequests` repeats requests; two layers of retries would multiply.
         let retry = RetryConfig { max_retries: 0, ..RetryConfig::default() };
         let options = ClientOptions::new().with_allow_http(true);
-        let connector = SameHostConnector { timeout: requests.timeout() };
+        let connector = SameHostConnector { timeout: requests.timeout };
         let store: Arc<dyn ObjectStore> = match scheme {
             "s3" => {
                 insula_command_line::tls::choose_cryptography();
@@ -64,10 +64,6 @@ impl RemoteCity {
         };
         let folder = Path::parse(folder).map_err(|error| wrong(error.to_string()))?;
         Ok(Self { url: url.to_owned(), store, folder, requests, cache })
-    }
-
-    pub(super) fn url(&self) -> &str {
-        &self.url
     }
 
     /// Opens the current version of the city. `None` if it is the version of `known`.

@@ -81,7 +81,7 @@ impl StoreMetrics {
 #[derive(Debug)]
 pub(super) struct StoreRequests {
     permits: Semaphore,
-    timeout: Duration,
+    pub(super) timeout: Duration,
     metrics: StoreMetrics,
 }
 
@@ -89,11 +89,6 @@ impl StoreRequests {
     pub(super) fn new(config: &BlockCacheConfig, metrics: StoreMetrics) -> Self {
         let timeout = Duration::from_secs(config.timeout_secs);
         Self { permits: Semaphore::new(config.fetches), timeout, metrics }
-    }
-
-    /// Time for which a request is repeated.
-    pub(super) fn timeout(&self) -> Duration {
-        self.timeout
     }
 
     /// Repeats `request` until it succeeds, fails for good, or the timeout has passed. Waits longer each time.

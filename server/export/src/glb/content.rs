@@ -177,7 +177,7 @@ impl<'a> ContentWriter<'a> {
         let grid = boxes::grid(&map);
         let land = self.land_objects(&map)?;
         let is_land = |object: u32| land.contains(&object);
-        let is_surface = map.ground.is_none() && self.chooser.is_everything() && has_one_colour(&map, &is_land);
+        let is_surface = map.ground.is_none() && self.chooser.is_everything && has_one_colour(&map, &is_land);
         if !is_surface {
             return Ok(vec![(self.box_geometry(map, node, rows)?, grid)]);
         }

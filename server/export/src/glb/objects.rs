@@ -78,7 +78,7 @@ enum Choice {
 /// Decides which surfaces are selected.
 pub(crate) struct Chooser<'a> {
     selection: &'a ObjectSelection,
-    is_everything: bool,
+    pub(crate) is_everything: bool,
     reader: &'a ObjectReader<'a>,
     origin: [f64; 3],
     known: RefCell<BTreeMap<u32, Choice>>,
@@ -89,11 +89,6 @@ impl<'a> Chooser<'a> {
         let origin = reader.source.manifest().origin;
         let is_everything = *selection == ObjectSelection::default();
         Self { selection, is_everything, reader, origin, known: RefCell::default() }
-    }
-
-    /// Whether everything is selected.
-    pub(crate) fn is_everything(&self) -> bool {
-        self.is_everything
     }
 
     /// Whether a surface of `object` at a world position is selected. Objects are selected as a whole, by [`ObjectSelection::contains`];

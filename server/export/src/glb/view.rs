@@ -21,7 +21,7 @@ pub struct ExportView {
     axes: DMat3,
     size_px: [u32; 2],
     /// Tolerated error on the screen in pixels.
-    tau_px: f64,
+    pub(super) tau_px: f64,
 }
 
 /// A part of a city that a view shows.
@@ -91,10 +91,6 @@ impl ExportView {
     pub(super) fn pixels_of_metre(&self, origin: [f64; 3], [low, high]: [Vec3; 2]) -> f32 {
         let eye = (self.position - DVec3::from(origin)).as_vec3();
         self.focal_px() as f32 / eye.distance(eye.clamp(low, high)).max(NEAR_M as f32)
-    }
-
-    pub(super) fn tau_px(&self) -> f64 {
-        self.tau_px
     }
 
     /// Whether a box may be in the frame. Never false if a part of it is.

@@ -133,7 +133,7 @@ impl ViewTerrain {
         let leaves: Vec<bool> = self.leaves.iter().map(is_covered).collect();
         triangles.retain(|triangle| leaves[triangle.leaf]);
         let faces = faces(&triangles);
-        let allowed = ((ERROR_SHARE * view.tau_px()) as f32, triangles.len());
+        let allowed = ((ERROR_SHARE * view.tau_px) as f32, triangles.len());
         let terrain = SampledTerrain::new(grid, &faces)?;
         let mesh = terrain.for_view(&faces, &|bounds| view.pixels_of_metre(origin, bounds), allowed)?;
         let of = |face: &u32| triangles[*face as usize];

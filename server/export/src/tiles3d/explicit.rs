@@ -43,7 +43,7 @@ struct ContentAddress {
 impl Tileset<'_> {
     /// The root of the whole tileset, whose files are in `folder`.
     pub(super) fn listed_root(&self, subtree: &Subtree, node: &NodeInfo, folder: &str) -> TileInList {
-        let transform = self.frame.to_earth().map(|to_earth| to_earth.to_array());
+        let transform = self.frame.to_earth.map(|to_earth| to_earth.to_array());
         TileInList { refine: Some("REPLACE"), transform, ..self.listed(subtree, node, node.id, folder) }
     }
 

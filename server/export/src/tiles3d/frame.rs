@@ -31,7 +31,7 @@ pub(super) struct Frame<'a> {
     /// World position of the origin.
     middle: [f64; 3],
     /// From the frame to the centre of the Earth; `None` if the city's place is unknown.
-    to_earth: Option<Matrix>,
+    pub(super) to_earth: Option<Matrix>,
     /// The inverse, if positions come from the projection.
     from_earth: Option<Matrix>,
 }
@@ -50,11 +50,6 @@ impl<'a> Frame<'a> {
         });
         let from_earth = projected.map(|to_earth| to_earth.inverse_rigid());
         Self { manifest, to_geocentric, middle, to_earth, from_earth }
-    }
-
-    /// From the frame to the centre of the Earth.
-    pub(super) fn to_earth(&self) -> Option<Matrix> {
-        self.to_earth
     }
 
     /// A world position in the frame.
@@ -172,7 +167,7 @@ mod tests {
     #[test]
     fn the_frame_follows_the_grid_at_the_middle_of_the_city() {
         let manifest = manifest(3, 100.0);
-        let to_earth = Frame::new(&manifest, &to_geocentric).to_earth().unwrap();
+        let to_earth = Frame::new(&manifest, &to_geocentric).to_earth.unwrap();
         for (k, axis) in to_earth.axes.iter().enumerate() {
             assert!((length(*axis) - 1.0).abs() < 1e-9);
             assert!(dot(*axis, to_earth.axes[(k + 1) % 3]).abs() < 1e-9);
@@ -227,8 +222,8 @@ mod tests {
         // The grid's east is true north, its north is true west.
         assert!(near(matrix.axes[0], [0.0, 0.0, 1.0]) && near(matrix.axes[1], [1.0, 0.0, 0.0]), "{matrix:?}");
         let unknown = manifest(2, 1.0);
-        assert!(Frame::new(&unknown, &|_| None).to_earth().is_none());
+        assert!(Frame::new(&unknown, &|_| None).to_earth.is_none());
         let known = Manifest { location: Some(location), ..unknown };
-        assert!(Frame::new(&known, &|_| None).to_earth().is_some());
+        assert!(Frame::new(&known, &|_| None).to_earth.is_some());
     }
 }

@@ -112,7 +112,7 @@ impl<'a> Tileset<'a> {
     /// Whether the city has a place on Earth: without one, globes draw it at the centre of the Earth.
     #[must_use]
     pub fn has_place(&self) -> bool {
-        self.frame.to_earth().is_some()
+        self.frame.to_earth.is_some()
     }
 
     /// The same city in a form.
@@ -151,7 +151,7 @@ impl<'a> Tileset<'a> {
                 "subtrees": { "uri": format!("{folder}subtrees/{{level}}/{{x}}/{{y}}.subtree") },
             },
         });
-        if let Some(to_earth) = self.frame.to_earth() {
+        if let Some(to_earth) = self.frame.to_earth {
             tile["transform"] = json!(to_earth.to_array());
         }
         TilesetDocument { asset, geometric_error, root: tile, schema: Some(subtree::schema()) }.to_bytes()
