@@ -1,6 +1,6 @@
 //! Analyses over HTTP: the numbers of `insula-server analyse`, areas that cover what was asked for, and the limits of the route.
 
-use crate::test_server::{JSON, TestServer, assert_problem, post};
+use crate::test_server::{JSON, TestServer, assert_full_queue_sheds, assert_problem, assert_refused, post};
 use crate::web_pages;
 use insula_server::config::ServeConfig;
 use insula_server::http::{AppState, HttpService};
@@ -60,13 +60,6 @@ async fn ask(server: &TestServer, options: &str) -> Value {
         "{head}"
     );
     serde_json::from_slice(&body).unwrap()
-}
-
-async fn assert_refused(server: &TestServer, options: &str, status: u16, words: &str) {
-    let (head, problem) = post(server, PATH, JSON, options).await;
-    let response = head + &String::from_utf8(problem).unwrap();
-    assert_problem(&response, status);
-    assert!(response.contains(words), "{options}: {response}");
 }
 
 fn options(rest: &str) -> String {
@@ -164,18 +157,6 @@ async fn a_border_of_the_classes_is_what_the_rule_asks_for() {
 }
 
 #[tokio::test]
-async fn without_the_setting_there_are_no_analyses() {
-    let server = TestServer::start(|_| {}).await;
-    let path = "/v1/cities/two/analyse";
-    assert_problem(&server.get(path, "").await, 404);
-    let (head, _) = post(&server, path, JSON, r#"{"kind":"sky"}"#).await;
-    assert!(head.starts_with("HTTP/1.1 400 "), "no other route takes a body: {head}");
-    let (head, _) = post(&server, path, "", "").await;
-    assert!(head.starts_with("HTTP/1.1 404 "), "{head}");
-    server.stop().await;
-}
-
-#[tokio::test]
 async fn pages_name_the_rules_where_analyses_are_made() {
     let folder = tempfile::tempdir().unwrap();
     small_city::write_city(&folder.path().join("two"), "two");
@@ -221,7 +202,7 @@ async fn hostile_questions_are_explained() {
         (r#""kind":"sky","out":"a.tif""#, "out"),
         (r#""kind":"sky","bbox":[4,52,4.01,52.01]"#, "at most one"),
     ] {
-        assert_refused(&server, &options(asked), 400, words).await;
+        assert_refused(&server, PATH, JSON, &options(asked), 400, words).await;
     }
     for (asked, words) in [
         ("", "EOF"),
@@ -230,7 +211,7 @@ async fn hostile_questions_are_explained() {
         (r#"{"kind":"sky","bbox_metres":[0,0,10,10]}"#, "#area-outside"),
         (r#"{"kind":"sky","bbox_metres":[84000,446000,86000,448000]}"#, "#area-too-large"),
     ] {
-        assert_refused(&server, asked, 400, words).await;
+        assert_refused(&server, PATH, JSON, asked, 400, words).await;
     }
     let (head, _) = post(&server, PATH, "Content-Type: text/plain\r\n", &options(r#""kind":"sky""#)).await;
     assert!(head.starts_with("HTTP/1.1 415 "), "{head}");
@@ -246,16 +227,9 @@ async fn hostile_questions_are_explained() {
 async fn limits_have_their_status() {
     let server = start(|config| (config.analyses.cells, config.analyses.waiting) = (1000, 1)).await;
     let sky = options(r#""kind":"sky""#);
-    assert_refused(&server, &sky, 400, "#area-too-large").await;
+    assert_refused(&server, PATH, JSON, &sky, 400, "#area-too-large").await;
     server.stop().await;
     let server = start(|config| config.analyses.waiting = 1).await;
-    let requests: Vec<_> = (0..12).map(|_| post(&server, PATH, JSON, &sky)).collect();
-    let mut made = 0;
-    for (head, _) in futures_util::future::join_all(requests).await {
-        let is_made = head.starts_with("HTTP/1.1 200 ");
-        assert!(is_made || head.starts_with("HTTP/1.1 503 ") && head.contains("retry-after: 1\r\n"), "{head}");
-        made += usize::from(is_made);
-    }
-    assert!(made >= 2, "the one in work and the one that waits are made, not {made}");
+    assert_full_queue_sheds(&server, PATH, &sky).await;
     server.stop().await;
 }

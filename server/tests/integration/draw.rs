@@ -1,6 +1,6 @@
 //! Vector drawings over HTTP: the bytes of `insula draw`, and the limits of the route.
 
-use crate::test_server::{JSON, TestServer, assert_problem, post};
+use crate::test_server::{JSON, TestServer, assert_full_queue_sheds, assert_problem, assert_refused, post};
 use insula_analysis::eye::lifted_camera;
 use insula_draw::file::{DrawingFormat, encode};
 use insula_draw::sheet::Paper;
@@ -26,13 +26,6 @@ async fn start(change: impl FnOnce(&mut ServeConfig)) -> TestServer {
     small_city::write_city_with_meshes(&server.folder.path().join("two"), "two");
     server.reload().await;
     server
-}
-
-async fn assert_refused(server: &TestServer, headers: &str, body: &str, status: u16, words: &str) {
-    let (head, problem) = post(server, PATH, headers, body).await;
-    let response = head + &String::from_utf8(problem).unwrap();
-    assert_problem(&response, status);
-    assert!(response.contains(words), "{body}: {response}");
 }
 
 fn request(view: DrawView, scale: Option<f64>, style: Stylesheet) -> DrawRequest {
@@ -198,13 +191,15 @@ async fn a_stylesheet_and_a_camera_are_parts_of_the_options() {
 }
 
 #[tokio::test]
-async fn without_the_setting_there_are_no_drawings() {
+async fn without_the_settings_there_are_no_drawings_and_no_analyses() {
     let server = TestServer::start(|_| {}).await;
-    assert_problem(&server.get(PATH, "").await, 404);
-    let (head, _) = post(&server, PATH, JSON, r#"{"format":"svg"}"#).await;
-    assert!(head.starts_with("HTTP/1.1 400 "), "no other route takes a body: {head}");
-    let (head, _) = post(&server, PATH, "", "").await;
-    assert!(head.starts_with("HTTP/1.1 404 "), "{head}");
+    for (path, options) in [(PATH, r#"{"format":"svg"}"#), ("/v1/cities/two/analyse", r#"{"kind":"sky"}"#)] {
+        assert_problem(&server.get(path, "").await, 404);
+        let (head, _) = post(&server, path, JSON, options).await;
+        assert!(head.starts_with("HTTP/1.1 400 "), "no other route takes a body: {head}");
+        let (head, _) = post(&server, path, "", "").await;
+        assert!(head.starts_with("HTTP/1.1 404 "), "{head}");
+    }
     server.stop().await;
 }
 
@@ -215,7 +210,7 @@ async fn private_cities_need_their_token() {
     fs::write(&tokens, "0123456789abcdef-office\n").unwrap();
     let server = start(|config| config.access.tokens = Some(tokens.clone())).await;
     let options = r#"{"format":"svg"}"#;
-    assert_refused(&server, JSON, options, 401, "bearer token").await;
+    assert_refused(&server, PATH, JSON, options, 401, "bearer token").await;
     let (head, _) = post(&server, "/v1/cities/none/draw", JSON, options).await;
     assert!(head.starts_with("HTTP/1.1 401 "), "{head}");
     let token = format!("{JSON}Authorization: Bearer 0123456789abcdef-office\r\n");
@@ -260,7 +255,7 @@ async fn hostile_options_are_explained() {
         (&nested, "expected value"),
         (&long_title, "title"),
     ] {
-        assert_refused(&server, JSON, options, 400, words).await;
+        assert_refused(&server, PATH, JSON, options, 400, words).await;
     }
     // Nothing of this has taken the only place.
     let (head, _) = post(&server, PATH, JSON, r#"{"format":"svg"}"#).await;
@@ -272,11 +267,11 @@ async fn hostile_options_are_explained() {
 async fn limits_have_their_status() {
     let server = start(|config| config.drawings.triangles = 4).await;
     let options = r#"{"format":"svg"}"#;
-    assert_refused(&server, JSON, options, 400, "too large").await;
-    assert_refused(&server, "Content-Type: text/plain\r\n", options, 415, "JSON").await;
-    assert_refused(&server, "", options, 415, "JSON").await;
+    assert_refused(&server, PATH, JSON, options, 400, "too large").await;
+    assert_refused(&server, PATH, "Content-Type: text/plain\r\n", options, 415, "JSON").await;
+    assert_refused(&server, PATH, "", options, 415, "JSON").await;
     let long = format!(r#"{{"format":"svg","title":"{}"}}"#, "x".repeat(64 << 10));
-    assert_refused(&server, JSON, &long, 413, "64 KiB").await;
+    assert_refused(&server, PATH, JSON, &long, 413, "64 KiB").await;
     let get = server.get(PATH, "").await;
     assert_problem(&get, 405);
     assert!(get.contains("allow: POST,OPTIONS\r\n"), "{get}");
@@ -284,7 +279,7 @@ async fn limits_have_their_status() {
     let server = start(|config| (config.limits.client_rate, config.limits.client_burst) = (0.001, 1)).await;
     let (head, _) = post(&server, PATH, JSON, options).await;
     assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
-    assert_refused(&server, JSON, options, 429, "").await;
+    assert_refused(&server, PATH, JSON, options, 429, "").await;
     server.stop().await;
 }
 
@@ -292,14 +287,7 @@ async fn limits_have_their_status() {
 async fn a_full_queue_is_503_and_every_request_ends() {
     let server = start(|config| config.drawings.waiting = 1).await;
     let options = r#"{"format":"pdf","shadows":true}"#;
-    let requests: Vec<_> = (0..12).map(|_| post(&server, PATH, JSON, options)).collect();
-    let mut made = 0;
-    for (head, _) in futures_util::future::join_all(requests).await {
-        let is_made = head.starts_with("HTTP/1.1 200 ");
-        assert!(is_made || head.starts_with("HTTP/1.1 503 ") && head.contains("retry-after: 1\r\n"), "{head}");
-        made += usize::from(is_made);
-    }
-    assert!(made >= 2, "the one in work and the one that waits are made, not {made}");
+    assert_full_queue_sheds(&server, PATH, options).await;
     // A client that leaves frees its place.
     let mut stream = server.connect().await;
     let request =

@@ -185,6 +185,35 @@ pub(crate) async fn post(server: &TestServer, path: &str, headers: &str, body: &
     (String::from_utf8(response).unwrap(), body)
 }
 
+/// Asserts that a request with these options is refused with a problem that has these words.
+#[cfg(feature = "bake")]
+pub(crate) async fn assert_refused(
+    server: &TestServer,
+    path: &str,
+    headers: &str,
+    options: &str,
+    status: u16,
+    words: &str,
+) {
+    let (head, problem) = post(server, path, headers, options).await;
+    let response = head + &String::from_utf8(problem).unwrap();
+    assert_problem(&response, status);
+    assert!(response.contains(words), "{options}: {response}");
+}
+
+/// Asserts that of many requests, those that find no place in the queue are 503 at once, and all others are served.
+#[cfg(feature = "bake")]
+pub(crate) async fn assert_full_queue_sheds(server: &TestServer, path: &str, options: &str) {
+    let requests: Vec<_> = (0..12).map(|_| post(server, path, JSON, options)).collect();
+    let mut made = 0;
+    for (head, _) in futures_util::future::join_all(requests).await {
+        let is_made = head.starts_with("HTTP/1.1 200 ");
+        assert!(is_made || head.starts_with("HTTP/1.1 503 ") && head.contains("retry-after: 1\r\n"), "{head}");
+        made += usize::from(is_made);
+    }
+    assert!(made >= 2, "the one in work and the one that waits are made, not {made}");
+}
+
 #[track_caller]
 pub(crate) fn assert_problem(response: &str, status: u16) {
     assert!(response.starts_with(&format!("HTTP/1.1 {status} ")), "{response}");
