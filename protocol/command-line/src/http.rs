@@ -6,7 +6,6 @@ use reqwest::ClientBuilder;
 use reqwest::redirect::Policy;
 use std::error::Error;
 
-/// Most redirects of a request.
 const MAX_REDIRECTS: usize = 5;
 
 /// Where responses may send a client. Other hosts could be of the private network of this machine.
@@ -17,7 +16,6 @@ pub enum Redirects {
     SameHost,
     /// To it, and to these hosts, each with its port if it is not the scheme's.
     Hosts(Vec<String>),
-    /// Anywhere.
     All,
 }
 
@@ -37,7 +35,6 @@ impl Redirects {
 /// What a redirect elsewhere is to the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Elsewhere {
-    /// The response.
     Response,
     Error,
 }

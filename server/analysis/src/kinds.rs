@@ -11,7 +11,6 @@ pub(crate) struct Kinds {
 }
 
 impl Kinds {
-    /// Of rows of `width` cells.
     pub(crate) fn new<R: AsRef<[u32]>>(width: usize, rows: impl Iterator<Item = R>) -> Self {
         let mut kinds = Self { width, starts: vec![0], runs: Vec::new() };
         for row in rows {
@@ -39,7 +38,6 @@ impl Kinds {
         runs[runs.partition_point(|(first, _)| *first as usize <= x) - 1].1
     }
 
-    /// The codes of a row.
     pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = u32> + '_ {
         let runs = self.runs(row);
         let ends = runs.iter().skip(1).map(|(first, _)| *first as usize).chain([self.width]);

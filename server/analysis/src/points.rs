@@ -12,7 +12,6 @@ use insula_export::table::csv_cell;
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// Most points of a file.
 const MAX_POINTS: usize = 1_000_000;
 /// Rays start this far before their surface, so that it does not hide itself.
 pub(crate) const AWAY_M: f64 = 0.05;
@@ -142,7 +141,6 @@ pub fn sun_at_points(
     points.par_iter().map(sun).collect()
 }
 
-/// A day of a rule.
 struct Day {
     day: NaiveDate,
     /// Hours in the middle of each step, with the directions to the sun.

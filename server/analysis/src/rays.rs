@@ -148,7 +148,6 @@ fn distance(triangle: &Triangle, ray: &Ray) -> f32 {
 pub(crate) mod tests {
     use super::*;
 
-    /// The sides of a block.
     pub(crate) fn block(low: [f32; 3], high: [f32; 3], object: u32) -> CityTriangles {
         let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|k| if i >> k & 1 == 0 { low[k] } else { high[k] }));
         let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];

@@ -57,7 +57,6 @@ pub enum DayMode {
 /// What a rule counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measure {
-    /// Hours of sun.
     Hours,
     /// The share of the year's probable sunlight in percent: of all hours in which the sun would shine on open ground, each weighted by how
     /// probable it is that no cloud is before it. These are the mean hours of sunshine of each month; `None` counts all hours alike.
@@ -99,7 +98,6 @@ pub struct Rule {
     pub asked: Option<f64>,
 }
 
-/// The file of a rule.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RuleFile {

@@ -28,7 +28,6 @@ const NO_NODE: u32 = u32::MAX;
 /// The progress is told after so many faces and nodes.
 const PROGRESS_WORK: usize = 1 << 16;
 
-/// Where the eye is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Eye {
     /// Infinitely far in this direction.
@@ -38,7 +37,6 @@ pub(crate) enum Eye {
 }
 
 impl Eye {
-    /// Whether the eye is in front of a plane.
     pub(crate) fn is_front(&self, plane: &FacePlane) -> bool {
         match self {
             Self::Direction(towards) => plane.normal.dot(*towards) > 0.0,
@@ -63,7 +61,6 @@ pub(crate) struct TreeWalk<'a> {
 pub(crate) struct BspTree {
     nodes: Vec<BspNode>,
     parts: Vec<Face>,
-    /// The name of the first cut.
     first_cut: u32,
     /// Of each cut, the node whose plane made it.
     cuts: Vec<u32>,
@@ -105,7 +102,6 @@ impl BspTree {
         self.nodes.len() * size_of::<BspNode>() + self.parts.len() * FACE_BYTES + numbers * size_of::<u32>()
     }
 
-    /// The face of a number.
     pub(crate) fn face<'a>(&'a self, scene: &'a [Face], number: u32) -> &'a Face {
         let number = number as usize;
         scene.get(number).unwrap_or_else(|| &self.parts[number - scene.len()])
@@ -172,7 +168,6 @@ impl BspTree {
         waiting.extend(near);
     }
 
-    /// Divides the set of a node.
     fn divide(&mut self, scene: &[Face], index: u32) -> NodeDivision {
         let numbers = std::mem::take(&mut self.nodes[index as usize].faces);
         let set: Vec<&Face> = numbers.iter().map(|number| self.face(scene, *number)).collect();
@@ -225,7 +220,6 @@ impl BspTree {
         })
     }
 
-    /// Adds a node with a set.
     fn add_node(&mut self, scene: &[Face], faces: Vec<u32>) -> u32 {
         if faces.is_empty() {
             return NO_NODE;
@@ -278,7 +272,6 @@ fn axis_plane(faces: &[&Face]) -> Option<FacePlane> {
     best.map(|(_, plane)| plane)
 }
 
-/// The face with the best plane.
 fn best_face<'a>(faces: &[&'a Face]) -> &'a Face {
     let largest = faces.iter().enumerate().max_by(|(_, a), (_, b)| a.area_m2().total_cmp(&b.area_m2()));
     let first = largest.map_or(0, |(index, _)| index);

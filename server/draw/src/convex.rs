@@ -76,7 +76,6 @@ fn on_line(a: PagePoint, b: PagePoint) -> i64 {
 }
 
 impl Convex {
-    /// Twice the area.
     pub(crate) fn twice_area(&self) -> i64 {
         self.points.windows(2).map(|pair| cross(self.points[0], pair[0], pair[1])).sum()
     }

@@ -75,7 +75,6 @@ pub struct DrawnShape {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShapeRole {
     Surface,
-    /// A shadow on a surface.
     Shadow,
 }
 

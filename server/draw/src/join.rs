@@ -32,7 +32,6 @@ pub(crate) fn unions(groups: Vec<Rings>, progress: DrawProgress<'_>) -> Result<V
         .collect()
 }
 
-/// Subtracts `holes` from `rings`.
 pub(crate) fn difference(rings: &Rings, holes: &Rings) -> Rings {
     tidied(overlay(rings, holes, OverlayRule::Difference))
 }

@@ -25,7 +25,6 @@ pub enum LineRole {
     Border,
     /// Where surfaces pass through each other.
     Intersection,
-    /// Hatching of a surface.
     Hatch,
 }
 
@@ -49,7 +48,6 @@ pub(crate) struct EdgePart {
     face: u32,
 }
 
-/// A visible line.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct VisibleLine {
     pub(crate) class: LineRole,

@@ -18,7 +18,6 @@ use serde::Deserialize;
 
 /// Largest coordinate in metres.
 const MAX_M: f64 = 1e9;
-/// Longest title in bytes.
 const MAX_TITLE_BYTES: usize = 256;
 
 /// The options of a drawing. All but the format have defaults.

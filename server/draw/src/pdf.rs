@@ -53,7 +53,6 @@ fn texts_of(drawing: &Drawing) -> impl Iterator<Item = &str> + Clone {
         .filter_map(|item| if let SheetItem::Text { text, .. } = item { Some(text.as_str()) } else { None })
 }
 
-/// The drawing as a PDF file.
 pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     let mut pdf = Pdf::new();
     let fonts = TextFonts::of(texts_of(drawing));

@@ -151,7 +151,6 @@ impl DrawnScene {
         is_open
     }
 
-    /// The object of a face.
     pub(crate) fn object(&self, face: u32) -> &LeafObject {
         &self.objects[self.face_objects[face as usize] as usize]
     }
@@ -295,7 +294,6 @@ fn edge_of_face<K: Eq + Hash>(known: &mut HashMap<K, u32>, key: K, face: u32, ed
 /// Both ends of an edge on the mesh's grid, the smaller first.
 type EdgeKey = [[u32; 3]; 2];
 
-/// The edges of one leaf.
 struct LeafEdges<'a> {
     mesh: &'a LeafSurfaces,
     known: HashMap<EdgeKey, u32>,

@@ -20,7 +20,6 @@ pub struct Stylesheet {
     pub colors: BTreeMap<String, String>,
     /// Share of what is behind that a kind hides, 0 to 1; 1 for kinds that are not named.
     pub opacity: BTreeMap<String, f64>,
-    /// Widths of lines.
     pub lines: LineWeights,
     /// Whose light fills have: the model's or the paper's.
     #[serde(deserialize_with = "deserialize_look")]
@@ -46,7 +45,6 @@ pub struct Stylesheet {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FillMode {
-    /// No fills.
     None,
     /// One colour for each kind.
     Kind,

@@ -27,7 +27,6 @@ pub(crate) struct PagePolygon {
     pub(crate) is_opaque: bool,
 }
 
-/// A visible part of a polygon.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct VisiblePart {
     /// Index of the polygon.

@@ -35,7 +35,6 @@ fn box_mesh(map: BlockMap, is_land: &dyn Fn(u32) -> bool) -> Result<MeshTile, So
     Ok(tile(grid, geometry.positions.iter().map(position).collect(), triangles, objects))
 }
 
-/// The objects of columns.
 pub(crate) fn objects(objects: &ColumnObjects) -> impl Iterator<Item = u32> {
     let lists = [&objects.roof, &objects.wall, &objects.lower];
     lists.into_iter().flat_map(|list| list.iter().copied())

@@ -26,7 +26,6 @@ impl Matrix {
         [0, 1, 2].map(|k| (0..3).map(|axis| self.axes[axis][k] * v[axis]).sum())
     }
 
-    /// Maps a position.
     pub(crate) fn map(&self, p: [f64; 3]) -> [f64; 3] {
         add(self.turn(p), self.origin)
     }

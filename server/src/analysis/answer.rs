@@ -75,7 +75,6 @@ impl Default for Answer {
 }
 
 impl Answer {
-    /// Hours of sun by a rule.
     pub(crate) fn of_sun(surface: &mut CitySurface, site: &Site, rule: Rule, progress: Progress<'_>) -> Self {
         let hours = sun_hours(surface, site, &rule, progress);
         Self {

@@ -98,7 +98,6 @@ fn is_of_one_input(error: &InputError, args: &BakeArgs) -> bool {
     !is_of_all && !args.skip_bad_inputs
 }
 
-/// A report of a bake.
 const REPORT: FileKind = FileKind::Json("a report of a bake", &["blocks_baked", "city_bytes"]);
 
 /// Fails if the report would overwrite anything but an earlier report: what the bake reads, or another file.

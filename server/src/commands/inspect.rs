@@ -40,7 +40,6 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Writes the maps of a node.
 fn write_maps(city: &CityStore, id: TileId, args: &InspectArgs) -> Result<(), CommandError> {
     let (map, bytes) = read_map(city, id)?;
     let Some(png) = &args.png else { return Ok(()) };

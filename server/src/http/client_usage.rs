@@ -39,7 +39,6 @@ struct ClientShares {
     bytes: usize,
 }
 
-/// What one client uses.
 #[derive(Debug)]
 pub(super) struct ClientUsage {
     connections: AtomicUsize,

@@ -170,7 +170,6 @@ impl ComputedCache {
         self.0.run_pending_tasks().await;
     }
 
-    /// Bytes in memory.
     pub(super) async fn bytes(&self) -> u64 {
         self.evict().await;
         self.0.weighted_size()

@@ -27,7 +27,6 @@ use insula_export::source::{ExportSource, SourceError};
 use std::sync::Arc;
 use tokio::runtime::Handle;
 
-/// Largest drawing.
 const MAX_DRAWING_BYTES: usize = 64 << 20;
 
 const TOO_LARGE: Problem =

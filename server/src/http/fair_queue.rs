@@ -25,7 +25,6 @@ use tokio::time::timeout;
 #[cfg(target_os = "linux")]
 const LOW_NICE: i32 = 10;
 
-/// The limits of a queue.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct QueueLimits {
     /// Pieces of work that run at the same time.

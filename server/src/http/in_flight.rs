@@ -17,7 +17,6 @@ impl InFlightBudget {
         Self { requests: AtomicUsize::new(0), bytes: AtomicUsize::new(0), max_requests, max_bytes }
     }
 
-    /// Number of requests in flight.
     pub(super) fn requests(&self) -> usize {
         self.requests.load(Relaxed)
     }

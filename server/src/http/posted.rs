@@ -24,7 +24,6 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::time::timeout;
 
-/// Largest body.
 const MAX_BODY_BYTES: usize = 64 << 10;
 /// Time within which the body must arrive.
 const BODY_TIME: Duration = Duration::from_secs(10);

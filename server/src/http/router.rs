@@ -10,7 +10,6 @@ use insula_protocol::route::RouteTemplate;
 
 pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
 
-/// The router of all addresses.
 pub(super) fn router(state: ThreadState) -> Router {
     let with_route = |router: Router<ThreadState>, template: RouteTemplate| match template.pattern() {
         Some(pattern) => router.route(pattern, handler(template)),

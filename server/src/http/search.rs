@@ -26,7 +26,6 @@ const INVALID_TEXT: Problem = Problem::bad_request("q must be a text of 1 to 128
 const INVALID_LIMIT: Problem = Problem::bad_request("limit must be a number from 1 to 100");
 const NO_INDEX: Problem = Problem::not_found("this city has no search");
 
-/// What a request searches for.
 #[derive(Debug, PartialEq, Eq)]
 struct SearchRequest {
     /// 1 to [`MAX_QUERY_CHARS`] characters.

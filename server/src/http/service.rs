@@ -45,7 +45,6 @@ struct ServiceShared {
     served: ServedRoutes,
 }
 
-/// The routes of a listener.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ServedRoutes {
     All,
@@ -102,7 +101,6 @@ impl HttpService {
         Self(Arc::new(ServiceShared { state, routes: CachedTilesLayer(shared).layer(router), served }))
     }
 
-    /// The same without `/metrics`.
     pub(super) fn without_metrics(&self) -> Self {
         Self::with_routes(self.0.state.clone(), ServedRoutes::WithoutMetrics, self.state().limits.tile_bytes)
     }

@@ -44,9 +44,7 @@ pub struct SharedState {
     pub(super) rate_limiter: RateLimiter,
     pub(super) in_flight: InFlightBudget,
     pub(super) limits: LimitsConfig,
-    /// The limits of drawings.
     pub(super) drawings: DrawingsConfig,
-    /// The limits of analyses.
     pub(super) analyses: AnalysesConfig,
     queues: WorkQueues,
     /// Search indexes and made files.

@@ -86,7 +86,6 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(2, usize::from)
 }
 
-/// The queues of a server.
 #[derive(Debug)]
 pub(super) struct WorkQueues([FairQueue; WorkKind::ALL.len()]);
 

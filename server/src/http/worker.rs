@@ -47,7 +47,6 @@ struct WorkerHandle {
     ended: oneshot::Receiver<()>,
 }
 
-/// All worker threads.
 pub(super) struct WorkerPool(Vec<WorkerHandle>);
 
 impl WorkerPool {

@@ -85,7 +85,6 @@ fn code_of(file: &str) -> Option<&str> {
     (is_code && code != "en").then_some(code)
 }
 
-/// The media type of a file by its name.
 pub(crate) fn media_type(name: &str) -> &'static str {
     match name.rsplit_once('.').map_or("", |(_, suffix)| suffix) {
         "js" => "text/javascript; charset=utf-8",

@@ -47,7 +47,6 @@ impl Brand {
         self.proposals.get(city).map(PathBuf::as_path)
     }
 
-    /// Name of the site.
     pub(crate) fn title(&self) -> &str {
         if self.site.title.is_empty() { SITE_TITLE } else { &self.site.title }
     }
@@ -81,7 +80,6 @@ impl Brand {
     }
 }
 
-/// The folders in a folder, by name.
 fn folders_in(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder)? {

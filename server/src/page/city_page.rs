@@ -16,7 +16,6 @@ const MODULE: &str = "insula_web_bg.wasm";
 /// The scripts of workers, which the browser learns of late.
 const WORKERS: [&str; 3] = ["engine.js", "insula_web.js", "helper.js"];
 
-/// The page of a city.
 pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerAssets, brand: &Brand) -> String {
     let title = escape_html(&city.manifest.title);
     let mut out = String::from("<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">");

@@ -30,7 +30,6 @@ pub(crate) struct CityListPage<'a> {
     imprint: String,
 }
 
-/// A city in a list.
 #[derive(Debug)]
 pub(crate) struct CityInList<'a> {
     pub(crate) facts: CityFacts<'a>,
@@ -71,7 +70,6 @@ impl<'a> CityListPage<'a> {
         Self { imprint: imprint.unwrap_or_default(), out, texts, is_list_open: false }
     }
 
-    /// Adds a paragraph of HTML.
     pub(crate) fn push_paragraph(&mut self, html: &str) {
         self.set_list_open(false);
         let _ = write!(self.out, "<p>{html}</p>");
@@ -84,7 +82,6 @@ impl<'a> CityListPage<'a> {
         let _ = write!(self.out, "<details><summary>{summary}</summary><p>{html}</p></details>");
     }
 
-    /// Adds a city.
     pub(crate) fn push_city(&mut self, city: &CityInList<'_>) {
         self.set_list_open(true);
         let (texts, manifest) = (self.texts, city.facts.manifest);
@@ -129,7 +126,6 @@ impl<'a> CityListPage<'a> {
         self.out.len() >= PAGE_BYTES
     }
 
-    /// The complete page.
     pub(crate) fn finish(mut self) -> String {
         self.set_list_open(false);
         self.out.push_str(&self.imprint);

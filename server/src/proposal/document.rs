@@ -30,7 +30,6 @@ pub(crate) fn document(folder: Option<&Path>, source: &dyn ExportSource) -> (Str
     (json!({ "proposals": all }).to_string(), faults)
 }
 
-/// The files of proposals in a folder, by name.
 fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder)? {

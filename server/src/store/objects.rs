@@ -10,7 +10,6 @@ use std::cell::RefCell;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-/// Decoded blocks that are kept.
 const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 
 /// Why objects cannot be read.

@@ -68,7 +68,6 @@ fn document(objects: &Value, vertices: &Value) -> Value {
     json!({ "type": "CityJSON", "version": "2.0", "CityObjects": objects, "vertices": vertices })
 }
 
-/// Corners of a box.
 fn corners([x, y]: [f64; 2], side: f64, height: f64) -> Vec<Value> {
     let square = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)];
     [0.0, height].iter().flat_map(|z| square.map(|(dx, dy)| json!([x + dx, y + dy, z]))).collect()

@@ -27,7 +27,6 @@ fn write_proposals(folder: &Path) {
     }
 }
 
-/// The document of a response.
 fn json_of(response: &str) -> Value {
     let (head, body) = response.split_once("\r\n\r\n").unwrap();
     assert!(head.starts_with("HTTP/1.1 200 ") && head.contains("content-type: application/json"), "{response}");

@@ -342,7 +342,6 @@ fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 
-/// Every file below a folder.
 fn files_below(folder: &Path) -> BTreeSet<String> {
     let paths = tree(folder).into_keys().filter(|path| path.is_file());
     paths.map(|path| path.strip_prefix(folder).unwrap().to_str().unwrap().to_owned()).collect()

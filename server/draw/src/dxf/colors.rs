@@ -33,7 +33,6 @@ fn index_color(index: u8) -> [f64; 3] {
     })
 }
 
-/// The index of the nearest colour.
 pub(super) fn nearest_index(color: Rgb) -> u8 {
     let distance = |index: &u8| {
         let of_index = index_color(*index);

@@ -32,7 +32,6 @@ const MAX_TESTS: usize = 50_000_000;
 /// Height of texts on paper in millimetres.
 const NOTE_MM: f64 = 2.5;
 
-/// The drawing as the text of a DXF file.
 pub(crate) fn to_dxf(drawing: &Drawing) -> String {
     let mut content = Dxf::new(drawing, FIRST_HANDLE);
     content.entities();

@@ -67,7 +67,6 @@ impl PdfLetters {
     }
 }
 
-/// The fonts of the texts of a drawing.
 pub(super) struct TextFonts {
     own: Option<FontRef<'static>>,
     asian: Option<&'static AsianFont>,
@@ -265,7 +264,6 @@ fn show_run(content: &mut Content, at_mm: [f64; 2], size_mm: f64, text: &str) {
     content.end_text();
 }
 
-/// Units of the sizes of a font.
 fn units_per_em(font: &FontRef<'_>) -> f64 {
     f64::from(font.metrics(Size::unscaled(), LocationRef::default()).units_per_em).max(1.0)
 }

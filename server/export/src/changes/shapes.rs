@@ -104,7 +104,6 @@ impl BuildingShapes {
         self.all.push(BuildingShape { object, name: name_of(identifier), bounds, area: 0.5 * twice, z_m, rings });
     }
 
-    /// The rings of a building.
     pub(super) fn rings(&self, shape: &BuildingShape) -> impl Iterator<Item = &[MapPoint]> {
         shape.rings.clone().map(move |ring| {
             let ring = ring as usize;

@@ -191,7 +191,6 @@ impl<'a> ContentWriter<'a> {
         Ok(vec![surface, (boxes, grid)])
     }
 
-    /// The objects of columns that are land.
     fn land_objects(&self, map: &BlockMap) -> Result<BTreeSet<u32>, ExportError> {
         let mut land = BTreeSet::from([NO_OBJECT]);
         let objects: BTreeSet<u32> = map.objects.iter().flat_map(|objects| column_surfaces::objects(objects)).collect();

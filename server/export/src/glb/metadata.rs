@@ -52,7 +52,6 @@ impl Rows {
         })
     }
 
-    /// Number of objects.
     pub(crate) fn len(&self) -> usize {
         self.ids.len()
     }

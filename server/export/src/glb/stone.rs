@@ -15,7 +15,6 @@ const SPACING_STEPS: f32 = 8.0;
 /// Stones that reflect more from straight ahead are metals (glTF 2.0, section 3.9.2).
 const METAL_F0: f32 = 0.2;
 
-/// The stones of a city.
 pub(crate) struct Stones(Vec<Option<Stone>>);
 
 impl Stones {

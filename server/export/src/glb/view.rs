@@ -56,7 +56,6 @@ const MESH_LEVELS: u8 = 2;
 /// Share of the tolerated error that a level of detail of a mesh may have. The rest is for the surface that stands for its terrain.
 const MESH_SHARE: f64 = 0.5;
 
-/// The nodes of a subtree.
 struct Nodes<'s> {
     subtree: &'s Subtree,
     by_id: HashMap<TileId, &'s NodeInfo>,
@@ -215,7 +214,6 @@ fn may_have_meshes(manifest: &Manifest, node: &NodeInfo) -> bool {
     node.child_mask & 0xf != 0 && node.id.level() + MESH_LEVELS >= manifest.depth
 }
 
-/// The children of a node.
 fn children(node: &NodeInfo) -> impl Iterator<Item = TileId> {
     let mask = node.child_mask;
     node.id.children().filter(move |child| mask >> child.quadrant() & 1 == 1)

@@ -218,7 +218,6 @@ impl Plan {
         ]);
     }
 
-    /// Whether a part of the object is selected.
     pub(crate) fn is_parent_of_selected(&self, object: u32) -> bool {
         self.parents.contains(object)
     }

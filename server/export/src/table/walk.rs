@@ -37,7 +37,6 @@ struct Walk<'a> {
     area: [[f64; 2]; 2],
 }
 
-/// The nodes of a subtree.
 struct Nodes {
     root: TileId,
     child_masks: HashMap<TileId, u8>,

@@ -6,7 +6,6 @@ use std::io::{self, Seek, SeekFrom, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Name of the index.
 pub(super) const INDEX: &str = "@3dtilesIndex1@";
 /// Bytes of a local file header without the name (ZIP 6.3.10, section 4.3.7).
 const LOCAL_HEADER_BYTES: u64 = 30;
@@ -31,7 +30,6 @@ impl<W: Write + Seek> ArchiveWriter<W> {
         }
     }
 
-    /// Adds a file.
     pub(super) fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
         self.index.push((Md5::digest(name).into(), self.end));
         self.end += LOCAL_HEADER_BYTES + name.len() as u64 + bytes.len() as u64;

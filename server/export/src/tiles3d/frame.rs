@@ -24,7 +24,6 @@ const SCALES: std::ops::Range<f64> = 0.1..10.0;
 /// Distance over which the vertical axis is measured.
 const RISE_M: f64 = 100.0;
 
-/// The frame of a city.
 pub(super) struct Frame<'a> {
     manifest: &'a Manifest,
     to_geocentric: ToGeocentric<'a>,

@@ -69,7 +69,6 @@ pub struct Tileset<'a> {
     form: TilesetForm,
 }
 
-/// The JSON of a tileset.
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
 struct TilesetDocument<R> {
@@ -236,7 +235,6 @@ impl<'a> Tileset<'a> {
         self.reach.has(node)
     }
 
-    /// A node as a tile.
     fn tile(&self, subtree: &Subtree, node: &NodeInfo) -> Tile {
         let heights = [f64::from(node.z_min_m), f64::from(node.z_max_m)];
         let cell = self.source.manifest().cell_m_at(node.id.level());

@@ -6,7 +6,6 @@ use crate::glb::columns::bits;
 use insula_protocol::TileId;
 use serde_json::{Value, json};
 
-/// Levels of a subtree file.
 pub(super) const LEVELS: u8 = insula_protocol::subtree::LEVELS;
 const MAGIC: &[u8; 4] = b"subt";
 const VERSION: u32 = 1;
@@ -29,7 +28,6 @@ pub(super) struct Tile {
 /// Class of the metadata of tiles in the schema of the tileset.
 pub(super) const CLASS: &str = "tile";
 
-/// The schema of the tiles' metadata.
 pub(super) fn schema() -> Value {
     let float = |semantic: &str| json!({ "type": "SCALAR", "componentType": "FLOAT32", "semantic": semantic, "required": true });
     let mut bounding_box = float("TILE_BOUNDING_BOX");

@@ -131,7 +131,6 @@ fn write_polygons(
     Ok(Written { bytes: bytes.len() as u64, attribution })
 }
 
-/// An output that was written.
 struct Written {
     bytes: u64,
     attribution: String,

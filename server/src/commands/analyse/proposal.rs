@@ -56,7 +56,6 @@ impl<'a> AfterProposal<'a> {
         Ok(Self { proposal, change, objects: change.objects(proposal, source)? })
     }
 
-    /// The triangles of the city after it.
     pub(super) fn triangles(&self, city: CityTriangles) -> CityTriangles {
         let ProposedObjects { added, removed } = &self.objects;
         let added: Vec<[[f64; 3]; 3]> = added.iter().flat_map(|object| object.triangles.iter().copied()).collect();
@@ -64,7 +63,6 @@ impl<'a> AfterProposal<'a> {
         city.changed(&|object| removed.binary_search(&object).is_ok(), &added)
     }
 
-    /// The ground after it.
     pub(super) fn ground(&self, surface: &CitySurface) -> CitySurface {
         self.change.cleared(surface)
     }

@@ -52,7 +52,6 @@ fn moments(args: &AnalyseArgs) -> Result<Vec<Moment>, CommandError> {
     Ok(moments)
 }
 
-/// The shadow at a time.
 pub(super) fn at(surface: &CitySurface, site: &Site, moment: &Moment) -> Result<Answer, CommandError> {
     let answer = Answer::of_shadow(surface, site, moment);
     answer.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))

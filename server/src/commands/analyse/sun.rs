@@ -28,11 +28,9 @@ use std::path::Path;
 const GROUND_M: f64 = 20.0;
 /// The same with a proposal, which may remove buildings around the points.
 const CLEARED_GROUND_M: f64 = 100.0;
-/// Largest file of points.
 const MAX_POINTS_BYTES: u64 = 256 << 20;
 /// Most pictures of one run: each takes a second.
 const MAX_PICTURES: usize = 1000;
-/// Largest file of a rule.
 const MAX_RULE_BYTES: u64 = 1 << 20;
 
 pub(super) fn sun(

@@ -14,9 +14,7 @@ use std::path::Path;
 
 /// Largest file of vistas.
 const MAX_BYTES: u64 = 1 << 20;
-/// Most vistas of a file.
 const MAX_VISTAS: usize = 1000;
-/// Longest name of a vista in bytes.
 const MAX_NAME_BYTES: usize = 256;
 
 /// What breaks into the vistas of a file: in a city, or in that after a proposal, which is given with the surface before it. Fails if the
