@@ -9,18 +9,13 @@ use std::time::Duration;
 /// Default of `listen`.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";
 
-/// All settings of `serve`. `keys` documents each setting for users.
+/// All settings of `serve`. `keys` documents each of them, also for users, who print that with `--print-config`. `None` stands for an empty text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServeConfig {
-    /// `HOST:PORT`; port 0 picks a free one.
     pub listen: String,
-    /// `HOST:PORT` of a listener for health and metrics alone; `None` to serve both at `listen`.
     pub metrics_address: Option<String>,
-    /// The address at which people reach the server; `None` for that of each request.
     pub public_url: Option<PublicUrl>,
-    /// Number of worker threads; 0 for one per core.
     pub threads: usize,
-    /// Seconds between the end of readiness and the end of the listener.
     pub drain_notice_secs: u64,
     pub drain_secs: u64,
     pub tls: TlsConfig,
@@ -37,20 +32,15 @@ pub struct ServeConfig {
 /// HTTPS; off without a certificate.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TlsConfig {
-    /// PEM file of the certificate and its chain.
     pub certificate: Option<PathBuf>,
-    /// PEM file of the private key.
     pub key: Option<PathBuf>,
 }
 
 /// Replacement of cities while they are served.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReloadConfig {
-    /// Seconds between two checks for changes; 0 for SIGHUP only.
     pub watch_secs: u64,
-    /// Seconds for which a replaced version is still served.
     pub keep_secs: u64,
-    /// Replaced versions per city that are still served.
     pub keep_versions: usize,
 }
 
@@ -58,59 +48,39 @@ pub struct ReloadConfig {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LimitsConfig {
     pub connections: usize,
-    /// Open connections per client address; 0 for three quarters of `connections`.
     pub client_connections: usize,
-    /// Requests in flight, without those for health and metrics.
     pub in_flight: usize,
     pub in_flight_bytes: usize,
-    /// Requests in flight per client address; 0 for three quarters of `in_flight`.
     pub client_in_flight: usize,
-    /// Bytes of responses in flight per client address; 0 for three quarters of `in_flight_bytes`.
     pub client_in_flight_bytes: usize,
-    /// Bytes of all caches together: of tiles, of blocks of remote cities, of directories of archives, of search indexes, made files and
-    /// parts for drawings.
     pub cache_bytes: usize,
-    /// Size of the tile caches of all threads together, a part of `cache_bytes`.
     pub tile_bytes: usize,
     pub header_bytes: usize,
-    /// Number of headers per request.
     pub headers: usize,
     /// Seconds from a request's first byte (at first: from the connection) to the end of its headers.
     pub header_secs: u64,
     pub idle_secs: u64,
-    /// Seconds in which a client must take at least 16 KiB of what waits for it on a connection, and on each HTTP/2 stream.
     pub write_secs: u64,
-    /// Concurrent requests per HTTP/2 connection.
     pub streams: u32,
-    /// Requests per second and client address; 0 for no limit.
     pub client_rate: f64,
-    /// Requests that an address may make at once before the rate applies.
     pub client_burst: u32,
 }
 
 /// Drawings that are made for clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DrawingsConfig {
-    /// Drawings that are made at the same time; 0 for none.
     pub at_once: usize,
-    /// Requests that may wait for that.
     pub waiting: usize,
-    /// Seconds within which a drawing must be made, including the wait.
     pub secs: u64,
-    /// Triangles of a drawing.
     pub triangles: usize,
 }
 
 /// Analyses that are made for clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AnalysesConfig {
-    /// Analyses that are made at the same time; 0 for none.
     pub at_once: usize,
-    /// Requests that may wait for that.
     pub waiting: usize,
-    /// Seconds within which an analysis must be made, including the wait.
     pub secs: u64,
-    /// Cells of an analysis, with those around its area.
     pub cells: u64,
 }
 
@@ -118,30 +88,21 @@ pub struct AnalysesConfig {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BlockCacheConfig {
     pub memory_bytes: u64,
-    /// Size of a block, the unit of fetching.
     pub block_bytes: u64,
-    /// Folder for blocks on disk; `None` for memory only.
     pub folder: Option<PathBuf>,
     pub folder_bytes: u64,
-    /// Concurrent requests to stores.
     pub fetches: usize,
-    /// Seconds for which a failing or silent store is retried.
     pub timeout_secs: u64,
 }
 
 /// Who may read what.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AccessConfig {
-    /// File of bearer tokens, one per line.
     pub tokens: Option<PathBuf>,
-    /// File of the keys that sign share links, one per line.
     pub share_keys: Option<PathBuf>,
-    /// Names of the cities that need a token or a link. If empty while one of the files is set, all cities need one.
     pub private: Vec<String>,
     pub cors: CorsPolicy,
-    /// Hosts that requests may name; empty for any.
     pub hosts: Vec<String>,
-    /// Proxies whose `X-Forwarded-For` names the address of the client.
     pub proxies: Vec<Network>,
 }
 

@@ -6,20 +6,14 @@ use std::path::PathBuf;
 const MAX_TEXT_BYTES: usize = 512;
 const CAMERA_NUMBERS: usize = 6;
 
-/// The looks of the pages.
+/// The looks of the pages. `keys` documents each setting.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SiteConfig {
-    /// Name of the site; empty for "Insula".
     pub title: String,
-    /// SVG, PNG, JPEG or WebP file of the logo.
     pub logo: Option<PathBuf>,
-    /// Colour of buttons and links as `#rrggbb`; empty for that of the viewer.
     pub accent: String,
-    /// Address of the imprint; empty for none.
     pub imprint: String,
-    /// First views, as `CITY=X,Y,Z,AZIMUTH,PITCH,FOV`.
     pub start: Vec<String>,
-    /// Folder of the proposals that pages show, `CITY/NAME.toml`.
     pub proposals: Option<PathBuf>,
 }
 
