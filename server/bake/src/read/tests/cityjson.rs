@@ -1,5 +1,6 @@
 //! Whole CityJSON documents.
 
+use super::{embedded, ids, range, volume_m3};
 use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
@@ -32,12 +33,6 @@ fn read(text: &str) -> (Scene, ReadReport) {
     read_embedded(&[("a.city.json", text.as_bytes())], &all_objects(), &|_| {}).unwrap()
 }
 
-/// Enclosed volume, positive if all faces face outwards.
-fn volume(scene: &Scene) -> f32 {
-    let corners = scene.triangles.iter().map(|triangle| triangle.corners.map(glam::Vec3::from_array));
-    corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
-}
-
 #[test]
 fn every_type_of_surface_geometry_faces_outwards() {
     let bodies = [
@@ -51,7 +46,7 @@ fn every_type_of_surface_geometry_faces_outwards() {
         let geometry = format!(r#"{{"lod": "1", "boundaries": {boundaries}, "type": "{kind}"}}"#);
         let (scene, _) = read(&document(&object("a", &geometry), ""));
         assert_eq!(scene.triangles.len(), 12, "{kind}");
-        assert!((volume(&scene) - 8.0).abs() < 1e-4, "{kind}");
+        assert!((volume_m3(&scene) - 8.0).abs() < 1e-4, "{kind}");
     }
     let geometry = format!(r#"{{"type": "MultiPoint", "boundaries": [0, 1]}}, {}"#, solid("1"));
     let (_, report) =
@@ -98,7 +93,7 @@ fn transform_is_applied_and_optional() {
     let text = document(&object("a", &solid("1")), more).replace(CUBE, &CUBE.replace('2', "2000"));
     let (scene, _) = read(&text);
     assert_eq!(scene.origin, [85001.0, 446001.0, -4.0]);
-    assert!((volume(&scene) - 8.0).abs() < 1e-4);
+    assert!((volume_m3(&scene) - 8.0).abs() < 1e-4);
     assert_eq!(scene.objects[0].base_z_m, 0.5);
     assert_eq!(read(&document(&object("a", &solid("1")), "")).0.origin, [1.0, 1.0, 0.0]);
 }
@@ -110,15 +105,13 @@ fn templates_are_placed_by_matrix_and_anchor() {
     let instance = r#"{"type": "GeometryInstance", "template": 0, "boundaries": [6],
         "transformationMatrix": [0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]}"#;
     let (scene, _) = read(&document(&object("tree", instance), &templates));
-    assert!((volume(&scene) - 24.0).abs() < 1e-3);
+    assert!((volume_m3(&scene) - 24.0).abs() < 1e-3);
     // Rotated by 90 degrees to x in [-2, 0], moved by 10 and by the anchor's (2, 2, 2).
-    let low =
-        scene.triangles.iter().flat_map(|t| t.corners).map(|c| f64::from(c[0]) + scene.origin[0]).fold(99.0, f64::min);
-    assert_eq!((low, scene.origin[2]), (10.0, 2.0));
+    assert_eq!((range(&scene, 0)[0], scene.origin[2]), (10.0, 2.0));
     // At 2 degrees north and east, still in metres.
     let crs = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/4326"}"#;
     let in_degrees = read(&document(&object("tree", instance), &format!("{templates}{crs}"))).0;
-    assert!((volume(&in_degrees) / 24.0 - 1.0).abs() < 0.01, "{}", volume(&in_degrees));
+    assert!((volume_m3(&in_degrees) / 24.0 - 1.0).abs() < 0.01, "{}", volume_m3(&in_degrees));
 
     let by_column =
         instance.replace("[0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]", "[0,1,0,0, -1,0,0,0, 0,0,3,0, 10,0,0,1]");
@@ -275,7 +268,7 @@ fn textures_have_coordinates_or_are_reported() {
         "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]}"#;
     let text = document(&object("a", &geometry), appearance);
     let files: [(&str, &[u8]); 2] = [("d/a.city.json", text.as_bytes()), ("d/pics/a.png", &image)];
-    let (scene, report) = read_embedded(&files, &ReadOptions::default(), &|_| {}).unwrap();
+    let (scene, report) = embedded(&files).unwrap();
     let textured = |i: usize| scene.materials[scene.triangles[i].material as usize].texture.is_some();
     assert_eq!([0, 2, 4, 6, 8, 10].map(textured), [true, true, false, false, false, false]);
     for triangle in &scene.triangles[2..4] {
@@ -322,7 +315,7 @@ fn malformed_objects_are_skipped_with_a_reason() {
     let text =
         document(&objects.join(", "), "").replace(CUBE, &format!("{CUBE}, [NaN, 0, 0], [1e300, 0, 0], [0, 1e999, 0]"));
     let (scene, report) = read(&text);
-    assert_eq!(scene.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["good"]);
+    assert_eq!(ids(&scene), ["good"]);
     let skipped = &report.sources[0].skipped;
     let expected = ["index: vertex index 99 out of range of 11", "negative: vertex index -1 out of range of 11"];
     assert_eq!(skipped["vertex index out of range"].first[..2], expected);
@@ -341,18 +334,15 @@ fn version_1_0_is_read_and_unknown_versions_are_refused() {
     let odd = document(&object("a", &solid("1")), r#", "metadata": [{"title": "T"}]"#);
     assert_eq!(read(&odd).1.sources[0].titles, ["T"]);
     let next = odd.replace("2.0", "3.0");
-    let error = read_embedded(&[("a.json", next.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    let error = embedded(&[("a.json", next.as_bytes())]).unwrap_err();
     assert!(matches!(&error, InputError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
 }
 
 const HEADER: &str = r#"{"type":"CityJSON","version":"2.0","transform":{"scale":[0.5,0.5,0.5],"translate":[100,0,0]},"CityObjects":{},"vertices":[]}"#;
 
 fn feature(id: &str) -> String {
-    let text = format!(
-        r#"{{"type": "CityJSONFeature", "id": "{id}", "CityObjects": {{{}}}, "vertices": [{CUBE}]}}"#,
-        object(id, &solid("1"))
-    );
-    text.replace('\n', " ")
+    let objects = object(id, &solid("1"));
+    format!(r#"{{"type": "CityJSONFeature", "id": "{id}", "CityObjects": {{{objects}}}, "vertices": [{CUBE}]}}"#)
 }
 
 #[test]
@@ -362,8 +352,8 @@ fn sequence_skips_broken_lines() {
     let lines = [HEADER, &feature("a"), cut, "", "nonsense", r#"{"type": "Feature"}"#, &odd, &feature("b")];
     let text = lines.join("\n");
     let (scene, report) = read_embedded(&[("a.city.jsonl", text.as_bytes())], &all_objects(), &|_| {}).unwrap();
-    assert_eq!(scene.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
-    assert!((volume(&scene) - 2.0).abs() < 1e-4);
+    assert_eq!(ids(&scene), ["a", "b"]);
+    assert!((volume_m3(&scene) - 2.0).abs() < 1e-4);
     assert_eq!(scene.origin[0], 100.0);
     let skipped = &report.sources[0].skipped;
     assert_eq!(skipped["broken line"].count, 2);
@@ -374,8 +364,7 @@ fn sequence_skips_broken_lines() {
 
 #[test]
 fn sequence_needs_a_header_and_skips_lines_beyond_the_limit() {
-    let fails =
-        |text: &str| read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    let fails = |text: &str| embedded(&[("a.jsonl", text.as_bytes())]).unwrap_err();
     assert!(matches!(fails(&feature("a")), InputError::Unsupported { .. }));
     assert!(matches!(fails(&HEADER[..40]), InputError::Json { line: 1, .. }));
     assert!(matches!(fails(HEADER), InputError::Empty { .. }));
@@ -397,27 +386,19 @@ fn malformed_appearance_costs_only_the_colours() {
 #[test]
 fn feature_may_have_its_own_appearance() {
     let coloured = solid("1").replace("\"lod\"", r#""material": {"m": {"value": 0}}, "lod""#);
-    let feature = format!(
-        r#"{{"type": "CityJSONFeature", "CityObjects": {{{}}}, "vertices": [{CUBE}],
-            "appearance": {{"materials": [{{"diffuseColor": [0.2, 0.3, 0.5]}}]}}}}"#,
-        object("a", &coloured)
-    );
-    let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
-    let (scene, _) = read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    let own = r#""appearance": {"materials": [{"diffuseColor": [0.2, 0.3, 0.5]}]}, "vertices""#;
+    let feature = feature("a").replace(&object("a", &solid("1")), &object("a", &coloured));
+    let text = format!("{HEADER}\n{}", feature.replace("\"vertices\"", own));
+    let (scene, _) = embedded(&[("a.jsonl", text.as_bytes())]).unwrap();
     assert_eq!(colours(&scene)[0], [51, 77, 128]);
 }
 
 #[test]
 fn feature_may_have_its_own_transform() {
-    let feature = format!(
-        r#"{{"type": "CityJSONFeature", "transform": {{"scale": [2, 2, 2], "translate": [0, 0, 0]}},
-            "CityObjects": {{{}}}, "vertices": [{CUBE}]}}"#,
-        object("a", &solid("1"))
-    );
-    let read = |feature: &str| {
-        let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
-        volume(&read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap().0)
-    };
+    let own = r#""transform": {"scale": [2, 2, 2], "translate": [0, 0, 0]}, "vertices""#;
+    let feature = feature("a").replace("\"vertices\"", own);
+    let read =
+        |feature: &str| volume_m3(&embedded(&[("a.jsonl", format!("{HEADER}\n{feature}").as_bytes())]).unwrap().0);
     let plain = read(&feature.replace("[2, 2, 2]", "[1, 1, 1]"));
     assert!((read(&feature) / plain - 8.0).abs() < 0.01);
 }
@@ -430,7 +411,7 @@ fn degrees_without_a_system_are_taken_as_wgs84() {
     let (scene, report) = read(&text);
     assert_eq!((scene.crs.as_deref(), report.sources[0].crs.as_deref()), (Some("EPSG:32610"), Some("OGC:CRS84")));
     // 26 m x 22 m x 8.23 m.
-    assert!((volume(&scene) - 4825.0).abs() < 60.0, "{}", volume(&scene));
+    assert!((volume_m3(&scene) - 4825.0).abs() < 60.0, "{}", volume_m3(&scene));
     assert!(report.guess_warnings().any(|warning| warning.contains("taken as WGS 84")));
 }
 
@@ -460,12 +441,12 @@ fn plans_with_a_height_are_extruded_and_others_are_named() {
     };
     let plan = |attributes: &str| read(&text(attributes));
     let (scene, _) = plan(r#""measuredHeight": 9.0"#);
-    assert!((volume(&scene) - 36.0).abs() < 1e-3, "{}", volume(&scene));
+    assert!((volume_m3(&scene) - 36.0).abs() < 1e-3, "{}", volume_m3(&scene));
     let (scene, report) = plan(r#""year": 1900"#);
     assert_eq!(scene.triangles.len(), 2);
     assert!(report.sources[0].problems.keys().any(|kind| kind.contains("without a height, drawn flat")));
     let hidden = text(r#""measuredHeight": 9.0, "relatieveHoogteligging": -1"#);
-    let error = read_embedded(&[("a.json", hidden.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    let error = embedded(&[("a.json", hidden.as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("underground"), "{error}");
 }
 
@@ -477,15 +458,11 @@ fn outlines_of_roofs_are_no_second_building() {
         let object = format!(r#""a": {{"type": "Building", "attributes": {{{height}}}, "geometry": [{geometry}]}}"#);
         read(&document(&object, "")).0
     };
-    let heights = |scene: &Scene| {
-        let z = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[2]);
-        (z().fold(f32::MAX, f32::min), z().fold(f32::MIN, f32::max))
-    };
     let roof = r#", "semantics": {"surfaces": [{"type": "RoofSurface"}], "values": [0]}"#;
     for (surfaces, semantics) in [("[[0,1,2,3]],[[4,5,6,7]]", ""), ("[[4,5,6,7]]", roof)] {
         let scene = building(surfaces, semantics);
-        assert!((volume(&scene) - 8.0).abs() < 1e-3, "{surfaces}: {}", volume(&scene));
-        let (low, high) = heights(&scene);
+        assert!((volume_m3(&scene) - 8.0).abs() < 1e-3, "{surfaces}: {}", volume_m3(&scene));
+        let [low, high] = range(&scene, 2);
         assert!((high - low - 2.0).abs() < 1e-3, "{surfaces}: {low} to {high}");
     }
 }
@@ -498,15 +475,9 @@ fn each_header_of_sequences_in_one_file_counts() {
             r#"{{"type": "CityJSON", "version": "2.0", "transform": {transform}, "CityObjects": {{}}, "vertices": []}}"#
         )
     };
-    let feature = |id: &str| {
-        let objects = object(id, &solid("1"));
-        format!(r#"{{"type": "CityJSONFeature", "id": "{id}", "CityObjects": {{{objects}}}, "vertices": [{CUBE}]}}"#)
-    };
     let text = [header(0), feature("a"), header(100), feature("b")].join("\n");
-    let (scene, report) =
-        read_embedded(&[("a.city.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    let (scene, report) = embedded(&[("a.city.jsonl", text.as_bytes())]).unwrap();
     assert_eq!(scene.objects.len(), 2, "{:?}", report.sources[0].skipped);
-    let x = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[0]);
-    let width = x().fold(f32::MIN, f32::max) - x().fold(f32::MAX, f32::min);
-    assert!((width - 102.0).abs() < 1e-3, "{width}");
+    let [west, east] = range(&scene, 0);
+    assert!((east - west - 102.0).abs() < 1e-3, "{west} to {east}");
 }

@@ -28,6 +28,26 @@ fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> 
     read_embedded(files, &ReadOptions::default(), &|_| {})
 }
 
+/// Names of the objects.
+fn ids(scene: &Scene) -> Vec<&str> {
+    scene.objects.iter().map(|object| object.id.as_str()).collect()
+}
+
+/// Lowest and highest world coordinate of all corners along an axis.
+fn range(scene: &Scene, axis: usize) -> [f64; 2] {
+    let all = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| f64::from(corner[axis]));
+    [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)].map(|c| c + scene.origin[axis])
+}
+
+/// Volume by the divergence theorem. It is correct only if the surface is closed and every face turns outwards.
+fn volume_m3(scene: &Scene) -> f64 {
+    let volume = |corners: [[f32; 3]; 3]| {
+        let [a, b, c] = corners.map(|corner| glam::DVec3::from_array(corner.map(f64::from)));
+        a.dot(b.cross(c)) / 6.0
+    };
+    scene.triangles.iter().map(|triangle| volume(triangle.corners)).sum()
+}
+
 /// A test folder with these files.
 fn folder(test: &str, files: &[(&str, &[u8])]) -> TestFolder {
     let folder = TestFolder::new(&format!("read-{test}"));

@@ -1,5 +1,6 @@
 //! Whole OBJ files with libraries and textures.
 
+use super::{embedded, ids, range};
 use crate::read::texture::tests::png;
 use crate::read::{InputError, ObjUpAxis, Palette, PaletteMode, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
@@ -7,7 +8,7 @@ use insula_source::testing::gzip;
 use insula_test_support::rng::Rng;
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
-    read_embedded(files, &ReadOptions::default(), &|_| {}).unwrap()
+    embedded(files).unwrap()
 }
 
 const SQUARE: &str = "mtllib a.mtl\nv 0 0 1\nv 2 0 1\nv 2 2 1\nv 0 2 1\nvt 0 0\nvt 2.5 0\nvt 2.5 1\nvt 0 1\nusemtl wall\n\
@@ -113,11 +114,8 @@ fn y_up_is_converted_and_orientation_is_kept() {
     let options = ReadOptions { obj_up: ObjUpAxis::Y, ..ReadOptions::default() };
     let (scene, _) = read_embedded(&[("a.obj", text.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!(scene.triangles.len(), 3);
-    let mut facing = glam::Vec3::ZERO;
-    for triangle in &scene.triangles {
-        let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
-        facing += (b - a).cross(c - a) * 0.5;
-    }
+    let faces = scene.triangles.iter().map(|triangle| triangle.corners.map(glam::Vec3::from_array));
+    let facing: glam::Vec3 = faces.map(|[a, b, c]| (b - a).cross(c - a) * 0.5).sum();
     assert!((facing - glam::Vec3::new(0.0, -10.0, 0.0)).length() < 1e-5, "{facing}");
 }
 
@@ -127,7 +125,7 @@ fn random_bytes_never_panic() {
     let alphabet = b"vftgo 0123456789.-/\\\n\n eusemtl";
     for _ in 0..300 {
         let text: Vec<u8> = (0..200).map(|_| alphabet[rng.below(alphabet.len())]).collect();
-        let result = read_embedded(&[("a.obj", &text)], &ReadOptions::default(), &|_| {});
+        let result = embedded(&[("a.obj", &text)]);
         assert!(matches!(result, Ok(_) | Err(InputError::Empty { .. })));
     }
 }
@@ -145,8 +143,7 @@ fn every_object_is_kept_merged_or_skipped_with_its_reason() {
     );
     let (scene, report) = read(&[("a.obj", text.as_bytes())]);
     let source = &report.sources[0];
-    let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
-    assert_eq!((ids, source.found, source.objects), (vec!["a", "a", "b"], 7, 3));
+    assert_eq!((ids(&scene), source.found, source.objects), (vec!["a", "a", "b"], 7, 3));
     assert_eq!(source.merged["name of an earlier object"].first, ["a"]);
     for (reason, name) in [("no face", "empty"), ("no usable face", "broken"), ("no surface with an area", "flat")] {
         assert_eq!(source.skipped[reason].first, [name]);
@@ -168,8 +165,7 @@ fn meshes_in_degrees_are_placed_or_named() {
         format!("{vertices}f 4 5 6\nf 1 2 5 4\nf 2 3 6 5\n")
     };
     let (scene, report) = read(&[("house.obj", block(1e-4).as_bytes())]);
-    let east_m = scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[0]);
-    let [low, high] = [east_m.clone().fold(f32::MAX, f32::min), east_m.fold(f32::MIN, f32::max)];
+    let [low, high] = range(&scene, 0);
     assert!((6.0..8.0).contains(&(high - low)), "{low} to {high}");
     let warnings: Vec<String> = report.guess_warnings().collect();
     assert!(warnings[0].contains("4.36, 52.01 look like degrees and are taken as WGS 84"), "{warnings:?}");

@@ -1,15 +1,8 @@
 //! Documents and geometries of all kinds: single features, lines, points, heights, and JSON-FG.
 
-use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
+use super::{SQUARE, TEN, collection, feature, is_closed, polygon, range, read, try_read, volume_m3};
 use crate::read::{AxisOrders, FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
-use crate::scene::Scene;
 use insula_source::problems::{EITHER_ORDER, NO_GROUND_HEIGHT, SWAPPED};
-
-/// Lowest and highest world height.
-fn heights_m(scene: &Scene) -> [f64; 2] {
-    let heights = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| f64::from(corner[2]));
-    [heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max)].map(|z| z + scene.origin[2])
-}
 
 fn kinds(report: &ReadReport) -> Vec<(FeatureKind, u64)> {
     report.sources[0].objects_by_kind.iter().map(|(kind, count)| (*kind, *count)).collect()
@@ -25,10 +18,11 @@ fn footprints_stand_at_the_height_of_their_lowest_corner() {
     let missing = "[[0,0,-1e38],[10,0,-1e38],[10,10,-1e38],[0,10,-1e38],[0,0,-1e38]]";
     for (ring, base_m) in [(level, 512.3), (slope, 512.3), (zero, 0.0), (partly, 512.3), (mark, 512.3), (missing, 0.0)]
     {
-        let (scene, _) = read(&collection(&feature("h", TEN, &polygon(ring))));
-        let [low, high] = heights_m(&scene);
+        let (scene, report) = read(&collection(&feature("h", TEN, &polygon(ring))));
+        let [low, high] = range(&scene, 2);
         assert!((low - base_m).abs() < 1e-3 && (high - base_m - 10.0).abs() < 1e-3, "{ring}: {low} to {high}");
         assert!(is_closed(&scene));
+        assert_eq!(report.guess_warnings().any(|warning| warning.contains("-9999")), ring == mark, "{ring}");
     }
 }
 
@@ -37,7 +31,7 @@ fn tops_above_sea_level_are_less_the_ground_of_the_plan() {
     let level = "[[0,0,512.3],[10,0,512.3],[10,10,512.3],[0,10,512.3],[0,0,512.3]]";
     for attributes in [r#"{"roof_elev": 524.3}"#, r#"{"h_dak_max": 524.3, "h_maaiveld": 512.3}"#] {
         let (scene, report) = read(&collection(&feature("h", attributes, &polygon(level))));
-        let [low, high] = heights_m(&scene);
+        let [low, high] = range(&scene, 2);
         assert!((low - 512.3).abs() < 1e-3 && (high - 524.3).abs() < 1e-3, "{attributes}: {low} to {high}");
         assert!(!report.sources[0].problems.contains_key(NO_GROUND_HEIGHT), "{attributes}");
     }
@@ -47,7 +41,7 @@ fn tops_above_sea_level_are_less_the_ground_of_the_plan() {
 fn trees_stand_at_their_own_height() {
     let tree = r#"{"type": "Point", "coordinates": [5, 30, 512.3]}"#;
     let (scene, _) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 9}"#, tree)));
-    let [low, high] = heights_m(&scene);
+    let [low, high] = range(&scene, 2);
     assert!((low - 512.3).abs() < 1e-3 && (high - 521.3).abs() < 0.1, "{low} to {high}");
     let (_, report) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 1200}"#, tree)));
     assert_eq!(report.sources[0].problems["height of a tree out of range, taken as unknown"].first, ["t is 1200 m"]);
@@ -76,7 +70,7 @@ fn bodies_of_upright_polygons_stay_bodies() {
     let body = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{}]]}}"#, faces.join("],["));
     let (scene, _) = read(&collection(&feature("b", "{}", &body)));
     assert!(is_closed(&scene) && (volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
-    assert_eq!(heights_m(&scene), [5.0, 9.0]);
+    assert_eq!(range(&scene, 2), [5.0, 9.0]);
 }
 
 #[test]
@@ -128,18 +122,6 @@ fn single_features_and_geometries_are_documents() {
     assert!(matches!(error, InputError::TooLarge { limit: 1024, .. }), "{error}");
 }
 
-#[test]
-fn metres_without_a_system_are_in_that_of_the_city() {
-    let ring = "[[84477,447346],[84497,447346],[84497,447356],[84477,447356],[84477,447346]]";
-    let text = format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("m", TEN, &polygon(ring)));
-    let mut options = ReadOptions::default();
-    options.placing.crs = Some("EPSG:28992".to_owned());
-    let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
-    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:28992"), 1));
-    assert!((scene.origin[0] - 84_477.0).abs() < 100.0, "{:?}", scene.origin);
-    assert_eq!(report.sources[0].problems["coordinate system not given"].count, 1);
-}
-
 /// A prism of 9 by 9 by 4 m of JSON-FG.
 fn place(kind: &str) -> String {
     let ring = "[[100,9000],[109,9000],[109,9009],[100,9009],[100,9000]]";
@@ -159,7 +141,7 @@ fn places_of_json_fg_have_their_own_system() {
     // North comes first in this system, where the place is.
     assert!((scene.origin[0] - 9000.0).abs() < 200.0 && (scene.origin[1] - 100.0).abs() < 200.0, "{:?}", scene.origin);
     assert!((volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
-    assert_eq!((heights_m(&scene), scene.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")));
+    assert_eq!((range(&scene, 2), scene.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")));
     let problems = &report.sources[0].problems;
     assert_eq!(problems.keys().collect::<Vec<_>>(), [EITHER_ORDER], "both are places in Japan");
     // The option acts on the coordinates as they are written.
@@ -180,7 +162,7 @@ fn places_of_json_fg_have_their_own_system() {
     let inside = text("", &place("Prism").replacen('{', &format!("{{{system}"), 1));
     for text in [late, inside] {
         let (scene, report) = read(&text);
-        assert_eq!((heights_m(&scene), report.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")), "{text}");
+        assert_eq!((range(&scene, 2), report.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")), "{text}");
     }
     let error = try_read(&[("a.geojson", text("", &place("Prism")).as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("its first coordinates are 100, 9000, as in metres"), "{error}");
@@ -206,7 +188,7 @@ fn roofs_without_walls_are_slabs_on_posts() {
     // Eight posts of 0.2 by 0.2 m.
     let posts_m3 = 8.0 * 0.04 * 4.7;
     assert!((volume_m3(&slab) - 30.0 - posts_m3).abs() < 1e-2, "{}", volume_m3(&slab));
-    assert!(is_closed(&slab) && heights_m(&slab) == [0.0, 5.0]);
+    assert!(is_closed(&slab) && range(&slab, 2) == [0.0, 5.0]);
     let gabled = roof(r#"{"building": "carport", "height": 5, "roof:shape": "gabled", "roof:height": 2}"#);
     let posts_m3 = 8.0 * 0.04 * 2.7;
     assert!((volume_m3(&gabled) - 30.0 - 100.0 - posts_m3).abs() < 1e-1, "{}", volume_m3(&gabled));
@@ -274,7 +256,7 @@ fn lines_follow_their_own_heights() {
         let [a, b, c] = z;
         let text = format!(r#"{{"type": "LineString", "coordinates": [[0,0,{a}],[50,0,{b}],[100,0,{c}]]}}"#);
         let (scene, _) = read(&collection(&feature("r", r#"{"highway": "service"}"#, &text)));
-        heights_m(&scene)
+        range(&scene, 2)
     };
     let [low, high] = line([30.0, 34.0, 31.0]);
     assert!((low - 30.05).abs() < 1e-3 && (high - 34.05).abs() < 1e-3, "{low} to {high}");

@@ -2,9 +2,9 @@
 
 mod geometries;
 
+use super::{ids, range, volume_m3};
 use crate::read::{DuplicateOption, InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
-use glam::DVec3;
 use insula_source::problems::EITHER_ORDER;
 use std::collections::BTreeMap;
 
@@ -38,15 +38,6 @@ const TEN: &str = r#"{"height": 10}"#;
 
 fn square_feature(id: &str) -> String {
     feature(id, TEN, &polygon(SQUARE))
-}
-
-/// Volume by the divergence theorem. It is correct only if the surface is closed and every face turns outwards.
-fn volume_m3(scene: &Scene) -> f64 {
-    let volume = |corners: [[f32; 3]; 3]| {
-        let [a, b, c] = corners.map(|corner| DVec3::from_array(corner.map(f64::from)));
-        a.dot(b.cross(c)) / 6.0
-    };
-    scene.triangles.iter().map(|triangle| volume(triangle.corners)).sum()
 }
 
 /// Whether every edge occurs once in each direction.
@@ -272,8 +263,7 @@ fn metadata_and_feature_identifiers_are_read() {
     let text =
         text.replacen('{', r#"{"title": "Tokyo", "copyright": "PLATEAU", "bbox": [1, NaN], "license": "CC BY", "#, 1);
     let (scene, report) = read(&text);
-    let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
-    assert_eq!(ids, ["feature 1", "13101-bldg-7347", "77"]);
+    assert_eq!(ids(&scene), ["feature 1", "13101-bldg-7347", "77"]);
     let source = &report.sources[0];
     assert_eq!((&source.titles[..], &source.attributions[..]), (&["Tokyo".into()][..], &["PLATEAU".into()][..]));
     assert_eq!(source.licences, ["CC BY"]);
@@ -351,36 +341,6 @@ fn areas_of_water_are_level_surfaces_at_the_ground() {
     }
 }
 
-/// Lowest and highest corner of all objects.
-fn heights(scene: &Scene) -> [f64; 2] {
-    let all = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| f64::from(corner[2]));
-    [all().fold(f64::MAX, f64::min) + scene.origin[2], all().fold(f64::MIN, f64::max) + scene.origin[2]]
-}
-
-#[test]
-fn heights_of_plans_and_bodies_are_kept() {
-    let level = SQUARE.replace("],", ",512.5],").replace("0]]", "0,512.5]]");
-    let (scene, _) = read(&collection(&feature("plan", TEN, &polygon(&level))));
-    assert_eq!(heights(&scene), [512.5, 522.5]);
-    let slope = level.replace("0,10,512.5", "0,10,514");
-    let (scene, _) = read(&collection(&feature("slope", TEN, &polygon(&slope))));
-    assert_eq!(heights(&scene), [512.5, 522.5], "a plan with a height stands on its lowest corner");
-    let options = ReadOptions { height_field: Some("NUT".to_owned()), ..ReadOptions::default() };
-    let text = collection(&feature("slope", r#"{"NUT": 20}"#, &polygon(&slope)));
-    let (scene, _) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
-    assert_eq!(heights(&scene), [512.5, 532.5], "so does one whose height the user names");
-    let wall = "[[0,0,512],[10,0,512],[10,0,524],[0,0,524],[0,0,512]]";
-    let floor = "[[0,0,512],[10,0,512],[10,10,512],[0,10,512],[0,0,512]]";
-    let body = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{floor}], [{wall}]]}}"#);
-    let (scene, _) = read(&collection(&feature("body", "{}", &body)));
-    assert_eq!((heights(&scene), scene.triangles.len()), ([512.0, 524.0], 4));
-    // A mark of a missing height is none.
-    let marked = level.replace("512.5", "-9999");
-    let (scene, report) = read(&collection(&feature("marked", TEN, &polygon(&marked))));
-    assert_eq!(heights(&scene), [0.0, 10.0]);
-    assert!(report.guess_warnings().any(|warning| warning.contains("-9999")));
-}
-
 #[test]
 fn single_features_and_places_of_json_fg_are_read() {
     let (scene, _) = read(&feature("one", TEN, &polygon(&SQUARE.replace("10", "0.0001"))));
@@ -391,10 +351,10 @@ fn single_features_and_places_of_json_fg_are_read() {
     let text =
         format!(r#"{{"type": "Feature", "id": "b", {crs}, "place": {body}, "geometry": null, "properties": null}}"#);
     let (scene, report) = read(&text);
-    assert_eq!((heights(&scene), report.crs.as_deref()), ([1.0, 9.0], Some("EPSG:5555")));
+    assert_eq!((range(&scene, 2), report.crs.as_deref()), ([1.0, 9.0], Some("EPSG:5555")));
     let one = text.replace(&format!("{crs}, "), "");
     let (scene, _) = read(&format!(r#"{{"type": "FeatureCollection", {crs}, "features": [{one}]}}"#));
-    assert_eq!(heights(&scene), [1.0, 9.0]);
+    assert_eq!(range(&scene, 2), [1.0, 9.0]);
 }
 
 #[test]
@@ -412,6 +372,8 @@ fn coordinates_without_a_system_are_degrees_or_those_of_the_option() {
     options.placing.crs = Some("EPSG:28992".to_owned());
     let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!((scene.crs.as_deref(), report.sources[0].crs.as_deref()), (Some("EPSG:28992"), Some("EPSG:28992")));
+    assert!((scene.origin[0] - 84_477.0).abs() < 100.0, "{:?}", scene.origin);
+    assert_eq!(report.sources[0].problems["coordinate system not given"].count, 1);
     // A plan around its own origin.
     let (scene, report) = read(&text.replace(metres, SQUARE));
     assert!((volume_m3(&scene) - 1000.0).abs() < 1e-3 && scene.crs.is_none());
