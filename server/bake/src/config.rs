@@ -243,7 +243,6 @@ impl BakeConfig {
         (self.memory_bytes / 8).min(16 << 20)
     }
 
-    /// Size of the texture cache.
     pub(crate) fn texture_cache_bytes(&self) -> usize {
         self.memory_bytes / 4
     }

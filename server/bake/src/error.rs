@@ -156,7 +156,6 @@ impl BakeError {
         }
     }
 
-    /// An error of a work store.
     pub(crate) fn work(work: String, name: &str, cause: io::Error) -> Self {
         match cause.kind() {
             io::ErrorKind::AlreadyExists => Self::Foreign { work, what: cause.to_string() },

@@ -25,6 +25,5 @@ pub trait AddressReader: Debug + Sync {
 pub struct ListedObject {
     /// Within the listed folder.
     pub name: String,
-    /// Size in bytes.
     pub bytes: u64,
 }

@@ -130,13 +130,10 @@ pub enum SourceFormat {
 /// Where a surface's colour comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColourOrigin {
-    /// The source, as it is.
     Source,
     /// The source, changed to that of a material.
     Harmonised,
-    /// The palette.
     Palette,
-    /// A texture of the source.
     Texture,
 }
 
@@ -218,11 +215,9 @@ pub struct SourceReport {
     pub colours: ColourCounts,
     /// Coordinate system such as `EPSG:7415`.
     pub crs: Option<String>,
-    /// Titles in the metadata.
     pub titles: Vec<String>,
     /// People, organisations and origins in the metadata.
     pub attributions: Vec<String>,
-    /// Licences in the metadata.
     pub licences: Vec<String>,
 }
 

@@ -28,7 +28,6 @@ pub(crate) const PARENT_GAPS: [f32; 2] = [0.5, 0.5];
 /// Largest height of a slab, in cells.
 const MAX_SLAB_HEIGHT: f32 = 4.0;
 
-/// One vertical line.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct VerticalLine {
     /// Metres from the cell's centre.
@@ -110,7 +109,6 @@ impl MergedColumn {
         runs
     }
 
-    /// Cuts the column off at a height.
     pub(crate) fn cut(&mut self, top_m: f32) {
         let below = std::mem::take(self).solids.into_iter().filter(|run| run.bottom_m < top_m);
         self.solids = below.map(|run| SolidRun { top_m: run.top_m.min(top_m), ..run }).collect();

@@ -2,12 +2,10 @@
 
 use crate::scene::{Scene, SceneTexture};
 
-/// The texture of a material.
 pub(super) fn texture_of(scene: &Scene, material: u32) -> Option<&SceneTexture> {
     scene.materials.get(material as usize)?.texture.as_deref()
 }
 
-/// Whether a material has a generated pattern.
 pub(super) fn has_pattern(scene: &Scene, material: u32) -> bool {
     texture_of(scene, material).is_some_and(|texture| texture.is_pattern)
 }

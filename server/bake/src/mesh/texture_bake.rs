@@ -237,7 +237,6 @@ fn texture_coordinates(model: &TriangleModel, placed: &[PlacedChart<'_>], size: 
     }
 }
 
-/// Draws all charts.
 fn paint(scene: &Scene, model: &TriangleModel, placed: &[PlacedChart<'_>], size: [u32; 2]) -> TextureCanvas {
     let mut canvas = TextureCanvas::new(size);
     for placed in placed {

@@ -166,7 +166,6 @@ pub(super) fn worst_memory_bytes(block: &LeafBlock, grid: &CityGrid) -> usize {
     (samples + cells * 500.0 + map_texels * 8.0 + all_triangles) as usize
 }
 
-/// Number of cells of a block.
 fn block_cells(grid: &CityGrid) -> f64 {
     let side = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES) / grid.cell_m;
     side * side

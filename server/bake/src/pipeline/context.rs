@@ -21,7 +21,6 @@ use std::path::Path;
 pub(super) struct TileContext<'a> {
     pub(super) config: &'a BakeConfig,
     pub(super) grid: &'a CityGrid,
-    /// Folder of the packs.
     pub(super) packs: &'a Path,
     pub(super) progress: &'a dyn Progress,
     pub(super) resume: ResumeStatus,
@@ -57,7 +56,6 @@ impl FinishedTiles {
         Self { tree: TileTree::new(depth), counts: PackCounts::default() }
     }
 
-    /// Adds all packs of a level.
     pub(super) fn add_level(&mut self, level: u8, packs: Vec<FinishedPack>) {
         let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
         for pack in packs {

@@ -70,7 +70,6 @@ impl<'a> FarLand<'a> {
         land
     }
 
-    /// The nodes of a level.
     pub(super) fn nodes(&self, level: u8) -> &[TileId] {
         self.levels.get(usize::from(level)).map_or(&[], Vec::as_slice)
     }

@@ -84,7 +84,6 @@ impl PreviousCity {
         self.fingerprints.get(&(block.x, block.y)) == Some(&fingerprint)
     }
 
-    /// Whether the city has the node.
     pub(super) fn has_node(&self, id: TileId) -> bool {
         self.nodes.heights.contains_key(&id)
     }

@@ -14,7 +14,6 @@ pub(super) const TOO_SMALL: &str =
 pub(super) struct BadInputs {
     is_skipping: bool,
     found: Vec<BadInput>,
-    /// The error of the first.
     first: Option<InputError>,
 }
 
@@ -41,7 +40,6 @@ impl BadInputs {
         result.map_or_else(|error| self.add(path, error).map(|()| None), |value| Ok(Some(value)))
     }
 
-    /// Fails with the error of the first bad input, if there is one.
     pub(super) fn fail_with_first(&mut self) -> Result<(), InputError> {
         self.first.take().map_or(Ok(()), Err)
     }

@@ -18,7 +18,6 @@ use std::ops::ControlFlow;
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DuplicateOption {
-    /// The first one is kept.
     #[default]
     KeepFirst,
     /// The one of the best level of detail is kept, also where their heights differ.

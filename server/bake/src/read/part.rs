@@ -211,7 +211,6 @@ pub(crate) struct SceneParts<'o> {
     record_bytes: u64,
 }
 
-/// A city of parts.
 pub(crate) struct PartsCity {
     pub(crate) city: ScratchScene,
     /// The land around it.

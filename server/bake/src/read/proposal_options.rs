@@ -20,7 +20,6 @@ pub struct ProposalOptions {
 /// What is added.
 #[derive(Debug, Clone)]
 pub struct AddedInput {
-    /// The file that has it.
     pub file: PathBuf,
     pub content: AddedContent,
 }

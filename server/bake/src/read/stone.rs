@@ -9,7 +9,6 @@ use insula_source::error::InputError;
 /// A pixel that covers so much of a stone sees its mean colour.
 const FAR_M: f32 = 1e6;
 
-/// A stone of the city.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::read) struct CityStone {
     /// Index into the manifest's stones.

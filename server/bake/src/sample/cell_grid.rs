@@ -12,7 +12,6 @@ const SKIRT: f32 = 0.25;
 /// Largest distance, in cells, of a wall from a clip's plane to count as the same wall.
 const SAME_WALL_OFFSET: f32 = 0.15;
 
-/// One cell.
 #[derive(Debug, Clone, Default)]
 pub(super) struct GridCell {
     pub(super) column: MergedColumn,

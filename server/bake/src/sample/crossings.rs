@@ -21,7 +21,6 @@ pub(super) const UNSURE_WEIGHT: u8 = 1;
 /// Marks a side that is known to be invisible.
 const INVISIBLE: u8 = u8::MAX;
 
-/// One crossing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     /// Number of the line: `y * lines[0] + x`.

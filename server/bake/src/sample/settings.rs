@@ -10,7 +10,6 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VisibilityBackend {
-    /// The CPU.
     #[default]
     Cpu,
     /// A GPU. Texels on the edges of triangles may differ from the CPU's, so the tiles are not identical byte for byte.

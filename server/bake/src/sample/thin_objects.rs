@@ -23,7 +23,6 @@ const LEAST_AREA: f32 = 0.01;
 /// A surfel of an open surface is seen from both sides if one side is seen from at least this many times fewer directions.
 const BOTH_SIDES: u16 = 4;
 
-/// Projected areas of surfels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ProjectedAreas {
     /// Of the sides that face each of the directions.

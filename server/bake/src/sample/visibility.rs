@@ -83,7 +83,6 @@ fn may_have_space_below(block: &LocalBlock, floor: &Floor, triangle: &LocalTrian
     !triangle.is_terrain && (!triangle.is_closed || (triangle.normal.z < -0.1 && is_in_air()))
 }
 
-/// The surfels of one triangle.
 #[derive(Debug)]
 struct TriangleSurfels {
     /// Index into the block's triangles.

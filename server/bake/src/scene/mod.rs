@@ -65,7 +65,6 @@ pub struct Scene {
     pub crs: Option<String>,
     /// Number in the baked city of each object, by which tiles name it; empty for tiles without objects.
     pub numbers: Vec<u32>,
-    /// Landmarks.
     pub landmarks: Vec<Landmark>,
 }
 
@@ -87,7 +86,6 @@ impl Scene {
         object.and_then(|object| self.numbers.get(object)).copied().unwrap_or(NO_OBJECT)
     }
 
-    /// The landmark that an object is.
     pub(crate) fn landmark(&self, object: u32) -> Option<&Landmark> {
         self.landmarks.iter().find(|landmark| landmark.object == object)
     }

@@ -35,7 +35,6 @@ pub(crate) struct SourceRecord {
     pub(crate) attributes: Vec<(String, Value)>,
 }
 
-/// A record in the file.
 #[derive(Serialize, Deserialize)]
 struct StoredRecord {
     identifier: String,
@@ -201,7 +200,6 @@ impl RecordReader<'_> {
     }
 }
 
-/// The record at a position of a file.
 fn read_at(file: &mut File, path: &Path, position: u64) -> Result<SourceRecord, BakeError> {
     let damaged = || BakeError::Scratch { path: path.to_owned() };
     let failed = |cause| BakeError::io(path, "read", cause);

@@ -193,7 +193,6 @@ fn apply_tone(rgb: &mut [[u8; 3]], tone: &ToneCurve) {
     rgb.as_flattened_mut().iter_mut().for_each(|v| *v = tone[usize::from(*v)]);
 }
 
-/// Path of the texels of a texture.
 pub(crate) fn texture_path(folder: &Path, number: u32) -> PathBuf {
     folder.join(format!("{number}.rgb"))
 }

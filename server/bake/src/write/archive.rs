@@ -17,7 +17,6 @@ const DATA_AT: usize = 56;
 /// Bytes before those of the tiles are fewer.
 const MAX_HEAD_BYTES: usize = 1 << 16;
 
-/// A written archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct WrittenArchive {
     /// Length of the file.

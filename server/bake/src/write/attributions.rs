@@ -6,7 +6,6 @@ use super::known_sources::{KnownSource, known_source};
 use crate::read::{ReadReport, SourceReport};
 use insula_protocol::manifest::{Attribution, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, shorten_text};
 
-/// The attributions of a city.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Attributions {
     pub(super) all: Vec<Attribution>,

@@ -151,7 +151,6 @@ pub(crate) struct CityInput<'a> {
     pub(crate) objects: Option<NumberedRecords<'a>>,
 }
 
-/// A written city.
 #[derive(Debug)]
 pub(crate) struct WrittenCity {
     pub(crate) manifest: Manifest,

@@ -28,7 +28,6 @@ pub(crate) struct StoredMesh {
     pub(crate) offset: u64,
 }
 
-/// The mesh of a leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LeafMesh {
     pub(crate) id: TileId,

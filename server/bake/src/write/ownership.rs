@@ -22,7 +22,6 @@ const MARKER: &[u8] = b"Insula keeps unfinished work of `bake` in this folder an
 /// What is allowed in a folder.
 type Rule = fn(&str, fs::FileType) -> bool;
 
-/// Whether a name is that of a city's file.
 fn is_city_file(name: &str) -> bool {
     name == MANIFEST_FILE
         || name == fingerprints::FILE_NAME

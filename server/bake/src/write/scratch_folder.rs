@@ -116,7 +116,6 @@ impl ScratchFolder {
         Ok(path)
     }
 
-    /// The folder of the packs.
     pub(crate) fn packs(&self) -> PathBuf {
         self.root.join("packs")
     }

@@ -53,7 +53,6 @@ impl PackNodes {
     }
 }
 
-/// An encoded tile.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct EncodedTile {
     pub(crate) id: TileId,

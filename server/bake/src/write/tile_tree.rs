@@ -25,13 +25,11 @@ impl TileTree {
         Self { levels: vec![Vec::new(); usize::from(depth) + 1], meshes: Vec::new() }
     }
 
-    /// Sets a level's tiles.
     pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<StoredTile>) {
         tiles.sort_unstable_by_key(|tile| tile.id);
         self.levels[usize::from(level)] = tiles;
     }
 
-    /// Sets the leaves' meshes.
     pub(crate) fn set_meshes(&mut self, mut meshes: Vec<StoredMesh>) {
         meshes.sort_unstable_by_key(|mesh| (mesh.id, mesh.lod));
         self.meshes = meshes;
@@ -49,7 +47,6 @@ impl TileTree {
         &self.meshes[from..from + count]
     }
 
-    /// The tiles of a level.
     pub(crate) fn level(&self, level: u8) -> &[StoredTile] {
         self.levels.get(usize::from(level)).map_or(&[], Vec::as_slice)
     }

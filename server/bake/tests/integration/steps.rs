@@ -69,7 +69,6 @@ pub(crate) fn plain(folder: &Path, options: &BakeOptions) -> BTreeMap<String, Ve
     files(&out)
 }
 
-/// Keeps warnings.
 #[derive(Default)]
 struct Warnings(Mutex<Vec<String>>);
 

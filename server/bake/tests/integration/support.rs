@@ -131,7 +131,6 @@ impl BakedCity {
         BOXES.get_or_init(|| Self::bake("shared-boxes", city(), options(Path::new(""), 3)))
     }
 
-    /// Writes the city to a folder.
     pub(crate) fn write(&self, folder: &Path) {
         fs::create_dir_all(folder).unwrap();
         for (name, bytes) in &self.files {

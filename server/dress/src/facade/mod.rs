@@ -55,7 +55,6 @@ impl std::str::FromStr for FacadeOption {
 
 /// The city's materials and ground, as far as facades need them.
 pub trait FacadeMaterials {
-    /// The colour of a material.
     fn colour(&self, material: u32) -> [u8; 3];
 
     /// Adds a material with a generated texture of [`SIDE_TEXELS`] rows of as many texels, from the top. Returns its number.

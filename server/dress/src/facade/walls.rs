@@ -19,7 +19,6 @@ pub(super) struct Wall {
     /// Unit normal.
     normal: DVec2,
     offset_m: f64,
-    /// Indices of the faces.
     pub(super) faces: Vec<u32>,
 }
 

@@ -22,7 +22,6 @@ const UNKNOWN_M: f64 = 6.0;
 /// Valid heights. Many files write 0 for an unknown height.
 const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
 const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
-/// Heights of the storeys above the ground, from the lowest.
 const STOREY_HEIGHTS: &str = "storeyHeightsAboveGround";
 const STOREY_RANGE_M: RangeInclusive<f64> = 1.0..=50.0;
 /// A building may have all of its storeys in its roof, and a roof may have none.

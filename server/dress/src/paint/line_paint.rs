@@ -47,7 +47,6 @@ pub(super) fn paint_bed(canvas: &mut Canvas, line: &ReadyLine) {
     }
 }
 
-/// Paints the rails of a railway.
 pub(super) fn paint_rails(canvas: &mut Canvas, line: &ReadyLine) {
     if !is_visible(canvas, RAIL_M) {
         return;

@@ -89,7 +89,6 @@ pub(super) fn paint_kerb(canvas: &mut Canvas, line: &ReadyLine, grounds: &Ground
     }
 }
 
-/// Paints a carriageway.
 pub(super) fn paint_carriageway(canvas: &mut Canvas, line: &ReadyLine) {
     band(line, line.half_m, &mut canvas.polygons(line.brush(), None));
 }

@@ -52,7 +52,6 @@ pub(super) fn band(line: &ReadyLine, half_m: f64, fill: &mut PolygonFill<'_>) {
     }
 }
 
-/// Fills a stripe along a line.
 pub(super) fn stripe(line: &ReadyLine, stripe: Stripe<'_>, fill: &mut PolygonFill<'_>) {
     let window = fill.window();
     let reach_m = MAX_MITER * stripe.edges_m[0].abs().max(stripe.edges_m[1].abs());

@@ -51,7 +51,6 @@ pub struct SurfaceFacts<'a> {
     pub semantic: Option<&'a str>,
     /// Type in CityJSON. Empty where a format has no types: it is then taken for a building.
     pub object_type: &'a str,
-    /// Name of the material.
     pub material: Option<&'a str>,
     /// Absolute z of the unit normal.
     pub normal_z: f64,

@@ -159,7 +159,6 @@ impl FaceCut<'_> {
     }
 }
 
-/// Edges of all rings.
 pub(super) fn edges(rings: &[Vec<usize>]) -> impl Iterator<Item = (usize, usize)> + '_ {
     rings.iter().flat_map(|ring| ring.iter().enumerate().map(|(i, &a)| (a, ring[(i + 1) % ring.len()])))
 }

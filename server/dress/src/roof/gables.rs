@@ -193,7 +193,6 @@ impl SkeletonRoof {
         }
     }
 
-    /// Number of corners of the outline.
     fn corner_count(&self) -> usize {
         self.sides.iter().map(|side| side.between.len() + 1).sum()
     }

@@ -47,7 +47,6 @@ impl Plan {
         if self.is_overhanging || self.faces.iter().all(is_valid) { Ok(self) } else { Err(RoofFault::Faces) }
     }
 
-    /// Sets the heights of all points.
     pub(super) fn set_rise(&mut self, rise: impl Fn(&PlanPoint) -> f64) {
         for point in &mut self.points {
             point.rise = rise(point);

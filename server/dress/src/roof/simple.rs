@@ -87,7 +87,6 @@ fn do_meet(a: &Edge, b: &Edge, touch: f64) -> bool {
     touch >= 0.0 && (is_near(a, b.from) || is_near(a, b.to) || is_near(b, a.from) || is_near(b, a.to))
 }
 
-/// Distance of a point from a segment.
 pub(super) fn distance(from: DVec2, to: DVec2, point: DVec2) -> f64 {
     let along = to - from;
     let share = ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);

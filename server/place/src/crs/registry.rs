@@ -102,7 +102,6 @@ fn ranges_of_row(row: &'static str) -> Vec<Range> {
     codes.split(' ').filter_map(range_ends).map(|(first, last)| Range { first, last, entry }).collect()
 }
 
-/// A horizontal system by its code.
 pub(super) fn horizontal(code: u32) -> Option<HorizontalEntry> {
     let ranges = horizontal_ranges();
     let after = ranges.partition_point(|range| range.first <= code);
@@ -176,7 +175,6 @@ pub(super) fn definition(code: u32) -> Option<&'static str> {
     known.proj4.starts_with("+proj=").then_some(known.proj4)
 }
 
-/// A vertical system by its code.
 pub(super) fn vertical(code: u32) -> Option<&'static VerticalEntry> {
     static ENTRIES: OnceLock<BTreeMap<u32, VerticalEntry>> = OnceLock::new();
     ENTRIES.get_or_init(|| vertical_entries().collect()).get(&code)
@@ -260,7 +258,6 @@ pub(super) fn shift(geographic_code: u32) -> Option<ShiftEntry> {
     entries.get(&geographic_code).copied()
 }
 
-/// Name of the datum of a geographic system.
 pub(super) fn datum_name(geographic_code: u32) -> Option<&'static str> {
     let row =
         rows(DATUMS).find(|row| row.split('|').next().and_then(|code| code.parse().ok()) == Some(geographic_code))?;

@@ -29,7 +29,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     Ok(model)
 }
 
-/// Reads all rows of an element.
 fn each_row(
     element: &PlyElement,
     values: &mut PlyValues<'_>,

@@ -53,7 +53,6 @@ pub struct Simplified {
     pub error: f64,
     /// What was repaired in the input.
     pub repairs: RepairReport,
-    /// Number of removed parts.
     pub removed_parts: usize,
 }
 

@@ -88,7 +88,6 @@ impl WedgeValues {
         }
     }
 
-    /// Number of wedges.
     pub(super) fn len(&self) -> usize {
         self.values.len() / self.layers.max(1)
     }

@@ -42,7 +42,6 @@ pub struct Job {
     pub arguments: Vec<String>,
     /// Name of the city.
     pub name: String,
-    /// The inputs.
     pub inputs: Vec<PathBuf>,
     /// The city's coordinate system; `None` if no input has one.
     crs: Option<String>,
@@ -239,7 +238,6 @@ impl<'a> BakeSteps<'a> {
         Ok(Self { job, id, store: OwnedStore::new(store), config, progress })
     }
 
-    /// The objects of the job.
     pub(super) fn objects(&self) -> SealedStore<'_> {
         SealedStore { store: self.store, job: &self.id }
     }

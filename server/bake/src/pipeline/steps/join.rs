@@ -70,7 +70,6 @@ struct JoinedArchive {
     bytes: u64,
 }
 
-/// A part of an archive.
 #[derive(Debug, Serialize, Deserialize)]
 struct ArchivePart {
     /// Index of its archive.
@@ -265,7 +264,6 @@ impl BakeSteps<'_> {
         Ok(written.manifest.version)
     }
 
-    /// All tiles of the city.
     fn read_tiles(&self, plan: &CityPlan) -> Result<CityTiles, BakeError> {
         let objects = self.objects();
         let mut levels: Vec<Vec<StoredTile>> = vec![Vec::new(); usize::from(plan.grid.depth) + 1];
@@ -387,7 +385,6 @@ struct PlannedArchive {
 }
 
 impl PlannedArchive {
-    /// Marks the archive as of a version of the city.
     fn mark(&mut self, version: &str) {
         if let Some(PartPiece::Given(head)) = self.pieces.first_mut()
             && let Some(mark) = head.get_mut(MARK_AT)
@@ -407,7 +404,6 @@ impl PlannedArchive {
     }
 }
 
-/// Cuts pieces into parts of a size.
 fn cut(pieces: &[PartPiece], size: u64) -> Vec<Vec<PartPiece>> {
     let mut parts = Vec::new();
     let (mut part, mut filled) = (Vec::new(), 0);

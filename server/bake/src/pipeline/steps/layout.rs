@@ -61,7 +61,6 @@ pub(super) fn rows_name(part: usize) -> String {
     format!("plan/rows-{part}")
 }
 
-/// The plan of a city.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct CityPlan {
     pub(super) grid: CityGrid,
@@ -98,7 +97,6 @@ impl CityPlan {
         ((1 << (self.grid.depth - self.region_level)) / BLOCK_LEAVES).max(1)
     }
 
-    /// The blocks of a region.
     pub(super) fn square(&self, region: usize) -> Option<BlockSquare> {
         let side = self.region_blocks();
         let range = |n: u32| [n * side, n * side + side - 1];

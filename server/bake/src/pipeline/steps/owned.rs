@@ -206,7 +206,6 @@ impl<'a> OwnedStore<'a> {
         self.0.remove_folders(&names.iter().cloned().chain(records).collect::<Vec<_>>());
     }
 
-    /// The address, for messages.
     pub(super) fn address(self) -> String {
         self.0.address()
     }

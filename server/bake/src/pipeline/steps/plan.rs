@@ -103,7 +103,6 @@ impl BakeSteps<'_> {
         objects.write(PLAN, PLAN_KIND, &plan)
     }
 
-    /// Writes the numbered objects.
     fn write_rows(&self, rows: &RecordList<Option<NumberedObject>>) -> Result<(), BakeError> {
         for (part, first) in (0..rows.len()).step_by(ROWS_PER_OBJECT).enumerate() {
             let range = first..rows.len().min(first + ROWS_PER_OBJECT);

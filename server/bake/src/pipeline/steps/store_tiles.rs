@@ -17,7 +17,6 @@ use std::num::NonZeroUsize;
 /// Stands for the crown among the regions.
 pub(super) const CROWN: u32 = u32::MAX;
 
-/// All tiles of a city.
 pub(super) struct CityTiles {
     pub(super) tree: TileTree,
     /// Of all blocks whose leaves the city has, row by row.

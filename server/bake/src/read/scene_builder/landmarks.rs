@@ -12,7 +12,6 @@ const MIN_NEIGHBOUR_M: f64 = 1.0;
 /// A landmark while objects are read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PendingLandmark {
-    /// Number of the object.
     pub(crate) object: u32,
     /// Number of its stone; `None` if it has its own colours.
     pub(crate) stone: Option<u8>,

@@ -82,7 +82,6 @@ impl SceneBuilder {
         self.triangles.held_bytes()
     }
 
-    /// Colour of a material.
     pub(crate) fn colour(&self, material: u32) -> [u8; 3] {
         self.materials[material as usize].rgb
     }

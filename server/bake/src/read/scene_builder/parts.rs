@@ -9,7 +9,6 @@ use crate::scene::triangle_store::TriangleStore;
 use insula_scratch::record_list::RecordScratch;
 use serde::{Deserialize, Serialize};
 
-/// The objects of a part.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct PartObjects {
     pending: Vec<PendingObject>,

@@ -101,7 +101,6 @@ impl PendingObject {
         self.relation.parent.unwrap_or(self.id_hash)
     }
 
-    /// Extent along an axis.
     pub(super) fn extent_m(&self, axis: usize) -> f64 {
         f64::from(self.max[axis]) - f64::from(self.min[axis])
     }

@@ -10,7 +10,6 @@ use insula_source::report::SourceReport;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-/// Pairs of objects.
 type PairSorter = RecordSorter<SimilarPair>;
 
 /// One of both objects of a pair.

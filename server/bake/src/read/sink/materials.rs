@@ -167,17 +167,14 @@ impl MaterialTable {
         number
     }
 
-    /// The mask of that number.
     pub(super) fn mask(&self, number: Option<u32>) -> Option<&AlphaMask> {
         self.masks.get(number? as usize)
     }
 
-    /// The name of a material.
     pub(super) fn name(&self, material: Option<ReadMaterial>) -> Option<&str> {
         self.names.get(material?.name? as usize).map(|name| &**name)
     }
 
-    /// The material of that number.
     pub(super) fn get(&self, number: Option<u32>) -> Option<ReadMaterial> {
         self.materials.get(number? as usize).copied()
     }

@@ -70,7 +70,6 @@ impl SceneSink<'_, '_, '_> {
         self.context.settle(&mut self.placement, &self.source.label, first)
     }
 
-    /// Takes note of where an object of a mesh is.
     pub(super) fn note_mesh_extent(&mut self, open: &OpenObject) {
         if let (Some(mesh), Some(bounds)) = (&mut self.unplaced_mesh, open.bounds()) {
             let own = MeshExtent::of(bounds.into_iter());

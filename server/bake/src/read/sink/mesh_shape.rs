@@ -166,7 +166,6 @@ mod tests {
         }
     }
 
-    /// The kinds of problems of objects.
     fn problems(mut mesh: MeshShape, objects: &[SourceObject], is_turned: bool) -> Vec<String> {
         objects.iter().for_each(|object| mesh.add(object, |position| position));
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 1);

@@ -145,7 +145,6 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         self.report.format = format;
     }
 
-    /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
         self.report_mesh_in_degrees();
         if let Some(shape) = &self.mesh_shape {
@@ -245,7 +244,6 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         ObjectRelation { parent, record, ..ObjectRelation::default() }
     }
 
-    /// Ends an object.
     fn close(&mut self, object: &SourceObject, open: OpenObject) {
         let SourceObject { id, lod, attributes, .. } = object;
         let relation = self.relation(object);

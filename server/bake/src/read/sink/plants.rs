@@ -217,7 +217,6 @@ fn face(corners: [[f64; 3]; 3], material: u32) -> WorldTriangle {
     WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false }
 }
 
-/// A tree at its place.
 struct PlantedTree {
     foot: [f64; 3],
     height_m: f64,

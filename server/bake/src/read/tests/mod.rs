@@ -48,7 +48,6 @@ fn volume_m3(scene: &Scene) -> f64 {
     scene.triangles.iter().map(|triangle| volume(triangle.corners)).sum()
 }
 
-/// A test folder with these files.
 fn folder(test: &str, files: &[(&str, &[u8])]) -> TestFolder {
     let folder = TestFolder::new(&format!("read-{test}"));
     for (name, bytes) in files {

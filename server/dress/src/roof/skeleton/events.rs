@@ -38,7 +38,6 @@ impl Wavefront {
         }
     }
 
-    /// The next hit before a time.
     pub(super) fn next_hit(&mut self, before: f64) -> Option<Hit> {
         while let Some(Reverse(collision)) = self.collisions.peek().copied().filter(|next| next.0.time < before) {
             self.collisions.pop();

@@ -190,7 +190,6 @@ impl Wavefront {
         number
     }
 
-    /// Where a vertex is at a time.
     pub(super) fn position(&self, vertex: usize, time: f64) -> DVec2 {
         let vertex = &self.vertices[vertex];
         vertex.start + vertex.velocity * (time - vertex.start_time)
@@ -210,7 +209,6 @@ impl Wavefront {
         )
     }
 
-    /// Ends a vertex at a node.
     pub(super) fn end(&mut self, vertex: usize, node: usize) {
         let Vertex { in_edge, out_edge, node: start, .. } = self.vertices[vertex];
         self.vertices[vertex].is_alive = false;

@@ -8,7 +8,6 @@ use std::collections::HashMap;
 /// Further texture coordinates are left out.
 const MAX_TEXTURE_COORDINATES: usize = 1 << 27;
 
-/// A ring with a texture.
 #[derive(Debug, Clone, Copy)]
 struct RingTexture {
     ring: u64,
@@ -19,7 +18,6 @@ struct RingTexture {
     theme: u32,
 }
 
-/// A surface with a material.
 #[derive(Debug, Clone, Copy)]
 struct SurfaceMaterial {
     surface: u64,
@@ -34,7 +32,6 @@ struct Material {
     number: Option<u32>,
 }
 
-/// All appearances of a file.
 #[derive(Debug, Default)]
 pub(super) struct Appearances {
     materials: Vec<Material>,
@@ -74,7 +71,6 @@ impl Appearances {
         true
     }
 
-    /// Gives a surface a material.
     pub(super) fn add_surface(&mut self, theme: u32, surface: u64, material: u32) {
         self.surfaces.push(SurfaceMaterial { surface, material, theme });
     }
@@ -112,13 +108,11 @@ impl Appearances {
         Some((material, self.uv.get(start as usize..(start + count) as usize)?))
     }
 
-    /// Material of a surface.
     pub(super) fn material_of_surface(&self, surface: u64) -> Option<u32> {
         let index = self.surfaces.binary_search_by_key(&surface, |entry| entry.surface).ok()?;
         self.surfaces.get(index).map(|entry| entry.material)
     }
 
-    /// Number of a material in the sink.
     pub(super) fn number_of(&mut self, material: u32, sink: &mut dyn ObjectSink) -> Option<u32> {
         let Material { material, number } = self.materials.get_mut(material as usize)?;
         Some(*number.get_or_insert_with(|| sink.add_material(material.clone())))

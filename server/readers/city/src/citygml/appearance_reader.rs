@@ -68,7 +68,6 @@ fn is_tag_of_appearance(bytes: &[u8], start: usize) -> bool {
     before.last() == Some(&b'<')
 }
 
-/// Reads all appearances of a file.
 pub(super) fn read_appearances(
     reader: &mut XmlReader<'_>,
     sink: &mut dyn ObjectSink,

@@ -248,7 +248,6 @@ impl<'s> Gatherer<'s> {
     }
 }
 
-/// The faces among pieces.
 pub(super) fn faces_of(pieces: &[Piece]) -> impl Iterator<Item = u32> + '_ {
     pieces.iter().filter_map(|piece| match piece.geometry {
         PieceGeometry::Face(face) => Some(face),

@@ -66,9 +66,7 @@ pub(super) enum Class {
     Exterior,
     /// An inner ring of a face, or an inner shell of a solid.
     Interior,
-    /// A list of positions.
     Positions,
-    /// One position.
     Position,
     /// One position in the style of GML 2: an element for each number.
     Coordinate,
@@ -140,7 +138,6 @@ pub(super) struct Name {
     pub(super) class: Class,
 }
 
-/// All names of a file.
 #[derive(Debug)]
 pub(super) struct Names {
     list: Vec<Name>,

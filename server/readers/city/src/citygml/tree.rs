@@ -92,7 +92,6 @@ pub(super) struct TreeAttribute {
     pub(super) end: u32,
 }
 
-/// A ring of a face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ring {
     /// Hash of its identifier; 0 without.
@@ -162,7 +161,6 @@ impl Tree {
             + self.ids.len() * 2 * size_of::<(u64, u32)>()
     }
 
-    /// The children of an element.
     pub(super) fn children(&self, node: u32) -> impl Iterator<Item = u32> {
         let end = self.nodes[node as usize].end;
         let mut next = node + 1;
@@ -186,7 +184,6 @@ impl Tree {
         names.class(self.node(node).name)
     }
 
-    /// The first child of a class.
     pub(super) fn child_of_class(&self, names: &Names, node: u32, class: Class) -> Option<u32> {
         self.children(node).find(|child| self.class(names, *child) == class)
     }
@@ -231,13 +228,11 @@ impl Tree {
         self.attribute(node, AttributeKind::Id).map(hash_of_reference)
     }
 
-    /// The rings of a face.
     pub(super) fn rings_of(&self, face: u32) -> &[Ring] {
         let Some(Face { first_ring, rings }) = self.faces.get(face as usize) else { return &[] };
         self.rings.get(*first_ring as usize..(*first_ring + *rings) as usize).unwrap_or(&[])
     }
 
-    /// The points of a ring.
     pub(super) fn points_of(&self, ring: &Ring) -> &[[f64; 3]] {
         self.points.get(ring.start as usize..ring.end as usize).unwrap_or(&[])
     }

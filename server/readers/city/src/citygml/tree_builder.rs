@@ -52,7 +52,6 @@ struct Builder<'t, 'c> {
     tree: &'t mut Tree,
     context: &'c BuildContext<'c>,
     open: Vec<OpenElement>,
-    /// Number of open faces.
     open_faces: u32,
     until_measured: u32,
     outcome: Built,

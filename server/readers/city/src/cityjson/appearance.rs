@@ -31,12 +31,10 @@ impl<'a> AppearanceReader<'a> {
         self.appearance.default_theme_material.as_str()
     }
 
-    /// Number of textures.
     pub(super) fn textures(&self) -> usize {
         self.appearance.textures.len()
     }
 
-    /// Number of materials.
     pub(super) fn materials(&self) -> usize {
         self.appearance.materials.len()
     }

@@ -17,7 +17,6 @@ pub(crate) enum LevelChoice {
     Level(CityJsonLod),
     /// None of this level, because a part or a parent has better ones.
     Coarser(CityJsonLod),
-    /// The object has no geometry.
     NoGeometry,
 }
 

@@ -35,7 +35,6 @@ pub(crate) struct CityJsonDocument<'a> {
     pub(crate) templates: Option<&'a RawValue>,
 }
 
-/// An object as JSON text.
 pub(crate) struct ObjectText<'a> {
     pub(crate) id: &'a str,
     pub(crate) json: &'a str,
@@ -139,7 +138,6 @@ pub(crate) struct GeometryTemplates {
     pub(crate) vertices: Vec<JsonPosition>,
 }
 
-/// One city object.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct CityObject {
@@ -148,7 +146,6 @@ pub(crate) struct CityObject {
     pub(crate) geometry: Option<Vec<CityJsonGeometry>>,
 }
 
-/// One geometry of an object.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct CityJsonGeometry {

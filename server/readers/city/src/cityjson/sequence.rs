@@ -33,7 +33,6 @@ pub(super) fn read(
     Ok(())
 }
 
-/// The lines of a file.
 struct Lines<'a> {
     label: &'a str,
     lines: &'a mut dyn BufRead,

@@ -110,7 +110,6 @@ impl<'s> GroundPictures<'s> {
         Ok(Self { shapes: (!shapes.is_empty()).then_some(shapes), ground, texel_m, painted_texel_m })
     }
 
-    /// Only photos.
     pub(super) fn photos(ground: [u8; 3], texel_m: f64) -> Self {
         Self { shapes: None, ground, texel_m, painted_texel_m: texel_m }
     }

@@ -228,7 +228,6 @@ impl PlacedRaster {
     }
 }
 
-/// A window of a raster.
 struct WindowPixels<'p, P> {
     window: Window,
     size: RasterSize,

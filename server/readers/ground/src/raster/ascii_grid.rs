@@ -42,7 +42,6 @@ struct Header {
     nodata: Option<f64>,
 }
 
-/// Whether a file starts like an ASCII grid.
 pub(super) fn is_ascii_grid(start: &[u8]) -> bool {
     let start = start.trim_ascii_start();
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"ncols") || word.eq_ignore_ascii_case(b"nrows"))

@@ -7,7 +7,6 @@ use super::source::Source;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 use std::io::{BufReader, Seek};
 
-/// A picture.
 pub(super) struct Picture {
     source: Source,
     is_jpeg2000: bool,

@@ -6,7 +6,6 @@ use super::facts::SampleKind;
 const HUGE: f64 = 3.4e38;
 
 impl SampleKind {
-    /// Bytes of a number.
     pub(super) fn bytes(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,

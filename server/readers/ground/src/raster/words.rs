@@ -18,12 +18,10 @@ pub(super) struct Words<'s> {
 }
 
 impl<'s> Words<'s> {
-    /// Words from an offset on.
     pub(super) fn new(source: &'s mut Source, offset: u64) -> Self {
         Self { source, block: Vec::new(), block_offset: offset, next: 0, word: Vec::new() }
     }
 
-    /// Bytes of the file.
     pub(super) fn file_len(&self) -> u64 {
         self.source.len()
     }

@@ -90,7 +90,6 @@ pub(super) fn is_part(kind: FeatureKind) -> bool {
     kind == FeatureKind::BuildingPart
 }
 
-/// The outline of a way by its nodes.
 pub(super) fn outline_of(refs: &[i64]) -> Outline {
     let is_closed = refs.len() > 1 && refs.first() == refs.last();
     if is_closed { Outline::ClosedWay } else { Outline::OpenWay }

@@ -72,7 +72,6 @@ impl<'a> Tags<'a> {
     }
 }
 
-/// A member of a relation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Member<'a> {
     /// `None` for nodes.
@@ -80,7 +79,6 @@ pub(super) struct Member<'a> {
     pub(super) role: &'a [u8],
 }
 
-/// An element of a file.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Element<'a> {
     Node {

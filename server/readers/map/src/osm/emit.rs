@@ -20,7 +20,6 @@ const DEGREE_M: f64 = 111_200.0;
 /// Longer values are cut in the names of types.
 const MAX_TYPE_BYTES: usize = 64;
 
-/// The tags of an element as attributes.
 pub(super) fn attributes(tags: Tags<'_>) -> Attributes {
     let mut attributes = Attributes::default();
     for (key, value) in tags.iter() {
@@ -30,7 +29,6 @@ pub(super) fn attributes(tags: Tags<'_>) -> Attributes {
     attributes
 }
 
-/// An object of an element.
 pub(super) fn object(
     id: ElementId,
     class: Class,
@@ -122,7 +120,6 @@ pub(super) fn pieces_of_way(refs: &[i64], nodes: &NodeStore) -> Result<(Vec<Vec<
     }
 }
 
-/// Lines as the shape of their form.
 pub(super) fn lines(pieces: Vec<Vec<Position>>, form: Form) -> Shape {
     let pieces = pieces.into_iter().map(|piece| piece.into_iter().map(degrees).collect());
     match form {

@@ -406,7 +406,6 @@ fn add_area(
     sink.add(object(id, class, tags, None, footprints(polygons, is_supported)))
 }
 
-/// A way that is an object.
 fn object_way(element: Element<'_>) -> Option<(i64, &[i64], Tags<'_>, Class)> {
     let Element::Way { id, refs, tags, .. } = element else { return None };
     match classify(tags, outline_of(refs)) {

@@ -51,7 +51,6 @@ impl NodeStore {
         u32::try_from(*near).ok().filter(|_| is_found)
     }
 
-    /// Position of a node at a place.
     pub(super) fn at(&self, place: u32) -> Position {
         self.positions.get(place as usize).copied().unwrap_or(MISSING)
     }

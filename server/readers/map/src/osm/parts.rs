@@ -28,7 +28,6 @@ const MAX_INHERITED_BYTES: usize = 1024;
 /// Keys of an outline's tags that hold for its parts too, unless they have their own.
 const INHERITED: &[&str] = &["building", "building:colour", "building:material", "roof:colour", "roof:material"];
 
-/// A building part.
 #[derive(Debug)]
 struct Part {
     id: ElementId,
@@ -80,7 +79,6 @@ struct RingPlace {
     is_outer: bool,
 }
 
-/// All building parts.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     parts: Vec<Part>,

@@ -142,7 +142,6 @@ impl Relations {
         &self.list
     }
 
-    /// Number of the building parts.
     pub(super) fn part_count(&self) -> usize {
         self.list.partition_point(Relation::is_building_part)
     }

@@ -28,7 +28,6 @@ const MAX_TAG_BYTES: usize = 16 << 20;
 /// Identifier for nodes outside of the area that was asked for; no node has it.
 const OUTSIDE_ID: i64 = i64::MAX;
 
-/// An XML file.
 pub(super) struct XmlFile<'a> {
     input: Input<'a>,
     extent: Option<[Position; 2]>,

@@ -42,7 +42,6 @@ impl Geometry {
         self.positions().next().is_none()
     }
 
-    /// All positions.
     pub(crate) fn positions(&self) -> impl Iterator<Item = &[f64; 3]> {
         let rings = self.polygons.iter().flatten().chain(&self.lines).flatten();
         rings.chain(&self.points).chain(self.meshes.iter().flat_map(|mesh| &mesh.positions))
@@ -101,7 +100,6 @@ impl Geometry {
         Some(mark)
     }
 
-    /// Changes all positions.
     pub(super) fn for_each_position(&mut self, change: impl FnMut(&mut [f64; 3])) {
         let rings = self.polygons.iter_mut().flatten().chain(&mut self.lines).flatten();
         let of_meshes = self.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions);

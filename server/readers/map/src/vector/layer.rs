@@ -126,7 +126,6 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// The layer of a name and its columns.
     pub(super) fn new<'c>(name: &str, columns: impl Iterator<Item = &'c str>) -> Self {
         let kind = kind_of_name(name);
         let is_of_trees =

@@ -44,7 +44,6 @@ impl<'a> Buffers<'a> {
         Ok(bytes)
     }
 
-    /// The content of a URI.
     pub(super) fn uri(&self, uri: &str) -> Result<Vec<u8>, Fault> {
         match uri::resolve(uri, |bytes| self.budget.take_bytes(bytes))? {
             Target::Content(bytes) => Ok(bytes),

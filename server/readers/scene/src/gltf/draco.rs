@@ -14,13 +14,11 @@ use std::borrow::Cow;
 
 const KIND: &str = "Draco data cannot be read";
 
-/// A decompressed mesh.
 pub(super) struct DracoMesh {
     mesh: Mesh,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// Decompresses a mesh.
 pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<DracoMesh, Fault> {
     let limits = DecodeLimits::default()
         .with_max_points(budget.vertices_left())

@@ -14,7 +14,6 @@ pub(super) fn attributes(extras: &Raw) -> Attributes {
     attributes
 }
 
-/// Adds the attributes of `extras`.
 pub(super) fn push(extras: &Raw, attributes: &mut Attributes) {
     let Some(value) = extras.as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok()) else { return };
     match &value {

@@ -23,7 +23,6 @@ impl<'a> Images<'a> {
         Self { root, buffers, label, loads_files, known: HashMap::new() }
     }
 
-    /// An image.
     pub(super) fn get(&mut self, index: usize) -> Result<SourceImage, Fault> {
         if let Some(known) = self.known.get(&index) {
             return known.clone();

@@ -159,7 +159,6 @@ pub(crate) enum FeatureIdValues {
     All(u32),
 }
 
-/// A node that has a mesh.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct MeshNode {
     /// Its index.

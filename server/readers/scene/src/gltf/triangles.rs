@@ -4,7 +4,6 @@ const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
 const FAN: u32 = 6;
 
-/// Whether a mode draws triangles.
 pub(super) fn is_triangles(mode: u32) -> bool {
     (TRIANGLES..=FAN).contains(&mode)
 }

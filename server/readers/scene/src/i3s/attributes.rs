@@ -8,7 +8,6 @@ use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 /// Names of the types of numbers.
 pub(super) const NUMBERS: &str = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64";
 
-/// The values of all attributes of a node.
 #[derive(Debug, Default)]
 pub(super) struct NodeAttributes {
     columns: Vec<(String, Vec<Option<AttributeValue>>)>,

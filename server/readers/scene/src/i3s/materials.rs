@@ -184,7 +184,6 @@ fn shared(
     material
 }
 
-/// Reads a texture.
 fn texture_at(
     resources: &Resources<'_, '_>,
     path: &str,

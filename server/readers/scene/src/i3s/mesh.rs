@@ -3,7 +3,6 @@
 use insula_source::object::TriangleMesh;
 use std::collections::BTreeMap;
 
-/// Triangles of a node.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct NodeMesh {
     /// Relative to the centre of the node: x and y in its system, heights in their unit.
@@ -18,7 +17,6 @@ pub(super) struct NodeMesh {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Feature of each triangle: an index into `features`, or [`NO_FEATURE`].
     pub(super) triangle_features: Vec<u32>,
-    /// Identifiers of the features.
     pub(super) features: Vec<u64>,
 }
 

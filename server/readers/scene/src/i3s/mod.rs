@@ -78,7 +78,6 @@ fn joined(folder: &str, path: &str) -> String {
     if folder.is_empty() { path.to_owned() } else { format!("{folder}/{path}") }
 }
 
-/// Reads a layer by its document.
 fn read_layer(
     files: &TileFiles<'_>,
     folder: String,

@@ -73,7 +73,6 @@ struct HrefJson {
     href: Option<String>,
 }
 
-/// Identifies a node.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum NodeId {
     Paged(u32),
@@ -89,7 +88,6 @@ impl std::fmt::Display for NodeId {
     }
 }
 
-/// A node of the tree.
 #[derive(Debug, Clone)]
 pub(super) struct Node {
     pub(super) center: [f64; 3],
@@ -140,7 +138,6 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    /// The nodes of a layer.
     pub(super) fn new(layer: &LayerJson) -> Self {
         let root = match &layer.node_pages {
             Some(pages) => NodeId::Paged(pages.root_index.unwrap_or(0)),

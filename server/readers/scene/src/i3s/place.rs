@@ -11,7 +11,6 @@ const WGS84_HEIGHT: i64 = 115_700;
 /// Codes of systems in degrees are below this one and above 4000.
 const DEGREES: std::ops::Range<i64> = 4001..5000;
 
-/// Where a layer is.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LayerPlace {
     /// `None` if the layer does not name a system.

@@ -23,7 +23,6 @@ const MAX_FAULTS: u64 = 10_000;
 /// Metres of a degree of latitude, rather too few.
 const METRES_PER_DEGREE: f64 = 110_000.0;
 
-/// Reads a layer.
 pub(super) struct LayerReader<'r, 'f, 'a> {
     resources: Resources<'f, 'a>,
     layer: &'r LayerJson,

@@ -18,7 +18,6 @@ use weld::Welder;
 /// Extensions of the file formats that this reader reads; `.gz` may follow.
 const EXTENSIONS: [&str; 3] = [".ply", ".stl", ".off"];
 
-/// Geometry of a file.
 #[derive(Debug, Default)]
 struct FileMesh {
     source_type: &'static str,

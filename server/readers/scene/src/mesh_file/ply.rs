@@ -47,7 +47,6 @@ fn check_faces(label: &str, header: &PlyHeader) -> Result<(), InputError> {
     Err(InputError::unsupported(label, what))
 }
 
-/// Reads all rows of an element.
 fn read_rows(
     label: &str,
     element: &PlyElement,

@@ -14,7 +14,6 @@ const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 /// As many textures have a table of all vertices.
 const DENSE_GROUPS: usize = 8;
 
-/// The vertices of a file.
 #[derive(Debug, Default)]
 pub(super) struct Vertices {
     pub(super) positions: Vec<[f64; 3]>,

@@ -14,7 +14,6 @@ const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 /// Opacity of water and glass.
 const GLASS_OPACITY: f32 = 0.5;
 
-/// A material of the file.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct FaceMaterial {
     /// The sink's number; `None` for faces without a material.

@@ -35,7 +35,6 @@ pub(super) struct ObjFace {
     pub(super) line: u64,
 }
 
-/// The content of an OBJ file.
 #[derive(Default)]
 pub(super) struct ObjFile {
     pub(super) positions: Vec<[f64; 3]>,

@@ -28,7 +28,6 @@ pub(super) enum InstancedGltf<'a> {
     Uri(String),
 }
 
-/// The tables of a tile.
 #[derive(Debug, Default)]
 pub(super) struct Tables<'a> {
     pub(super) feature_json: Map<String, Value>,

@@ -45,7 +45,6 @@ impl Coordinates {
         Self { level: self.level + 1, at }
     }
 
-    /// The URI of a template for this tile.
     fn uri(self, template: &str) -> String {
         let [x, y, z] = self.at.map(|number| number.to_string());
         let level = self.level.to_string();

@@ -7,7 +7,6 @@ use crate::bytes::{Number, NumberType, f32_at, part, u16_at};
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::Value;
 
-/// The instances of a tile.
 #[derive(Debug)]
 pub(super) struct Instances<'a> {
     pub(super) count: u32,
@@ -86,7 +85,6 @@ impl<'a> Instances<'a> {
         })
     }
 
-    /// The feature that an instance is.
     pub(super) fn feature(&self, instance: u32) -> u32 {
         let Some((bytes, component)) = self.batch_ids else { return instance };
         let id = component.read(bytes, instance as usize * component.bytes());

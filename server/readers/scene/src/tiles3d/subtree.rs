@@ -97,7 +97,6 @@ impl SubtreeShape {
         (levels > 0 && dimensions * levels <= 60).then_some(Self { dimensions, levels })
     }
 
-    /// Number of tiles above a level of the subtree.
     fn tiles_above(self, level: u32) -> u64 {
         ((1 << (self.dimensions * level)) - 1) / ((1 << self.dimensions) - 1)
     }
@@ -170,7 +169,6 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     Ok((&json[..json.len() - padding], Some(binary)))
 }
 
-/// The buffers of a subtree.
 struct Buffers<'a> {
     json: &'a SubtreeJson,
     own: Option<&'a [u8]>,

@@ -99,14 +99,12 @@ impl TilesetJson {
         serde_json::from_slice(without_bom(text)).map_err(|error| InputError::json(label, &error))
     }
 
-    /// The properties of a group.
     pub(super) fn group(&self, index: u32) -> Option<&Members> {
         self.groups.as_ref()?.get(index as usize)?.properties.as_ref()
     }
 }
 
 impl TileJson {
-    /// All contents of the tile.
     pub(super) fn contents(&self) -> impl Iterator<Item = &ContentJson> {
         let old = self.extensions.as_ref().and_then(|extensions| extensions.multiple_contents.as_ref());
         let old = old.and_then(|old| old.contents.as_ref());

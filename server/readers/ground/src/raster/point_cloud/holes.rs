@@ -12,7 +12,6 @@ const MAX_ROUNDS: u32 = 256;
 /// Cells are moved further than to the mean, which takes fewer rounds.
 const OVER_RELAXATION: f32 = 1.7;
 
-/// What a cell is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CellState {
     /// It stays without a height.

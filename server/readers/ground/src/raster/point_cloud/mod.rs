@@ -59,7 +59,6 @@ pub(super) struct PointCloud {
     is_estimated: bool,
 }
 
-/// Whether a file starts like a point cloud.
 pub(super) fn is_point_cloud(start: &[u8]) -> bool {
     start.starts_with(header::SIGNATURE)
 }

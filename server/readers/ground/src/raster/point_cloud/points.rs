@@ -24,7 +24,6 @@ const OTHER_CLASSES: [std::ops::RangeInclusive<u8>; 2] = [3..=7, 12..=22];
 /// How well a point represents the ground, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointKind {
-    /// It is on the ground.
     Ground,
     /// It is on the ground, but was not measured, or is where two flights overlap.
     DoubtfulGround,
@@ -61,7 +60,6 @@ pub(super) struct CloudPoint {
     pub(super) kind: PointKind,
 }
 
-/// Which points are wanted.
 pub(super) struct PointFilter {
     is_extended: bool,
     scaling: Scaling,

@@ -30,7 +30,6 @@ pub(super) type Triangle = [[f32; 3]; 3];
 /// The bytes of a tile after those that were read.
 struct TileBytes<'a> {
     rest: &'a [u8],
-    /// Number of bytes that were read.
     read: usize,
 }
 
@@ -159,7 +158,6 @@ impl<'a> TileBytes<'a> {
         self.take(count.saturating_mul(item_bytes))
     }
 
-    /// A number of items.
     fn count(&mut self) -> Result<usize, RasterError> {
         let bytes = self.take(4)?.first_chunk().copied().unwrap_or_default();
         usize::try_from(u32::from_le_bytes(bytes)).map_err(|_| RasterError::damaged("it has too many items"))

@@ -202,7 +202,6 @@ impl QuantizedMesh {
     }
 }
 
-/// The key of a tile in a cache.
 fn cache_key(tile: TileId) -> (usize, u64) {
     (tile.level.into(), u64::from(tile.row) << 32 | u64::from(tile.column))
 }

@@ -130,7 +130,6 @@ impl Pyramid {
     }
 }
 
-/// All possible tiles of a level.
 fn tiles_of(level: u8) -> RangeInclusive<TileId> {
     TileId { level, row: 0, column: 0 }..=TileId { level, row: u32::MAX, column: u32::MAX }
 }

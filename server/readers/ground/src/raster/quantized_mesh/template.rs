@@ -17,7 +17,6 @@ pub(super) struct Template {
     parts: Vec<TemplatePart>,
 }
 
-/// A part of a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum TemplatePart {
     Text(String),
@@ -72,7 +71,6 @@ impl Template {
         (rest.is_empty() && self.name(tile) == name).then_some(tile)
     }
 
-    /// The name of a tile.
     pub(super) fn name(&self, tile: NamedTile) -> String {
         let part = |part: &TemplatePart| match part {
             TemplatePart::Text(text) => text.clone(),

@@ -69,7 +69,6 @@ impl Projection {
         }
     }
 
-    /// Number of rows of a level.
     pub(super) fn rows(self, level: u8) -> u32 {
         1 << level
     }

@@ -19,7 +19,6 @@ fn place_of(image: &TestImage) -> Option<GeoPlace> {
     open(&image.file()).unwrap().facts().place
 }
 
-/// Keys with their values.
 fn keys(keys: &[[u16; 2]]) -> Vec<u16> {
     let entries = keys.iter().flat_map(|[key, value]| [*key, 0, 1, *value]);
     [1, 1, 0, keys.len() as u16].into_iter().chain(entries).collect()

@@ -25,14 +25,12 @@ fn open_named(bytes: &[u8], name: &str) -> Result<Raster, RasterError> {
     Raster::open(Box::new(Cursor::new(bytes.to_vec())), name, limits)
 }
 
-/// All heights of a level.
 fn heights(bytes: &[u8], level: usize) -> Vec<f32> {
     let mut raster = open(bytes).unwrap();
     let size = raster.facts().levels[level];
     raster.read_heights(Window::all_of(size), level).unwrap()
 }
 
-/// All colours.
 fn colours(bytes: &[u8]) -> Vec<[u8; 4]> {
     let mut raster = open(bytes).unwrap();
     let size = raster.facts().size;

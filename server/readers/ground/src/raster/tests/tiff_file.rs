@@ -1,6 +1,5 @@
 //! Makes TIFF files by hand.
 
-/// Values of a tag.
 #[derive(Clone)]
 pub(super) enum Values {
     Shorts(Vec<u16>),
@@ -34,7 +33,6 @@ impl TestImage {
         image.shorts(258, &vec![bits; bands.into()]).shorts(339, &vec![format; bands.into()])
     }
 
-    /// Sets a tag.
     pub(super) fn tag(mut self, tag: u16, values: Values) -> Self {
         self.tags.retain(|(other, _)| *other != tag);
         self.tags.push((tag, values));

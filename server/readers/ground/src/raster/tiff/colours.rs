@@ -32,7 +32,6 @@ pub(super) struct Colours<'a> {
     nodata: Option<f64>,
 }
 
-/// The band with alpha.
 pub(super) fn alpha_band(layout: &Layout) -> Option<u16> {
     let extra = layout.extra_samples.iter().position(|meaning| matches!(*meaning, ALPHA | ASSOCIATED_ALPHA))?;
     let extras = u16::try_from(layout.extra_samples.len()).ok()?;

@@ -39,7 +39,6 @@ pub(super) fn is_tiff(start: &[u8]) -> bool {
     matches!(start, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }
 
-/// A TIFF file.
 pub(super) struct TiffRaster {
     chunks: Chunks,
     /// The image, then its smaller copies.

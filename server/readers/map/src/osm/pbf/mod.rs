@@ -33,7 +33,6 @@ struct BlobPlace {
     content: BlockContent,
 }
 
-/// A PBF file.
 pub(super) struct PbfFile<'a> {
     label: &'a str,
     /// Unpacked bytes that are allowed.
@@ -51,7 +50,6 @@ pub(super) struct PbfFile<'a> {
 }
 
 impl<'a> PbfFile<'a> {
-    /// Opens a file.
     pub(super) fn open(input: &Input<'a>) -> Result<Self, InputError> {
         let io = |cause| InputError::io(input.label, cause);
         // It is read piece by piece, whatever its size.
@@ -115,7 +113,6 @@ impl<'a> PbfFile<'a> {
         if has_header { Ok(()) } else { Err(self.damaged(0, "the file has no header")) }
     }
 
-    /// Reads the header of the blob at `start`.
     fn read_blob_header(&mut self, start: u64) -> Result<(BlobKind, BlobPlace), InputError> {
         let fault = |file: &Self| file.damaged(start, "no valid header of a blob");
         let mut size = [0; 4];
@@ -159,7 +156,6 @@ impl<'a> PbfFile<'a> {
         }
     }
 
-    /// Reads a blob and unpacks it to `unpacked`.
     fn unpack(&mut self, place: &BlobPlace) -> Result<(), InputError> {
         let mut packed = std::mem::take(&mut self.packed);
         packed.resize(place.size_bytes as usize, 0);
@@ -272,7 +268,6 @@ impl ElementFile for PbfFile<'_> {
     }
 }
 
-/// What a blob is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum BlobKind {
     Header,
@@ -296,7 +291,6 @@ enum UnpackFault {
     Compression(&'static str),
 }
 
-/// Unpacks a `Blob` message.
 fn unpack_blob(blob: &[u8], unpacked: &mut Vec<u8>) -> Result<(), UnpackFault> {
     let (mut raw, mut zlib, mut raw_bytes, mut other) = (None, None, None, None);
     let read = fields(blob, |number, value| {

@@ -161,7 +161,6 @@ impl Map {
     }
 }
 
-/// Texts of a block.
 struct Texts(Vec<String>);
 
 impl Texts {
@@ -219,7 +218,6 @@ pub(super) fn deltas(values: impl Iterator<Item = i64>) -> Vec<u8> {
     }))
 }
 
-/// A PBF file of a header and blocks.
 pub(super) fn pbf_file(blocks: &[&[u8]]) -> Vec<u8> {
     let mut header = Vec::new();
     bytes(&mut header, 4, b"OsmSchema-V0.6");
@@ -250,7 +248,6 @@ pub(super) fn blob(kind: &str, blob: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Reads the bytes of a file with a name.
 pub(super) fn read_bytes(name: &str, bytes: &[u8]) -> (TestSink, Result<(), InputError>) {
     read_limited(name, bytes, Limits::default(), None)
 }

@@ -29,7 +29,6 @@ const HEAD_BYTES: u64 = 1 << 16;
 /// Lines between two progress reports.
 const TICK_LINES: u64 = 256;
 
-/// Columns of a source.
 struct Columns {
     names: Vec<String>,
     place: Place,

@@ -212,7 +212,6 @@ impl ByteLimits {
         Ok(())
     }
 
-    /// The error, if a limit was exceeded.
     fn exceeded(&self, path: &str) -> Option<InputError> {
         let limit = [&self.all, &self.member].into_iter().find(|limit| limit.exceeded.get())?;
         Some(limit.error(path))
@@ -348,7 +347,6 @@ impl SingleFeature {
         Ok(())
     }
 
-    /// The text of a feature.
     fn text(&self, kind: &str) -> String {
         let members: Vec<String> = self.members.iter().map(|(name, raw)| format!("\"{name}\":{raw}")).collect();
         let members = members.join(",");

@@ -8,7 +8,6 @@ const ROW_NUMBERS: [&str; 2] = ["fid", "ogc_fid"];
 /// Further tables are left out.
 const MAX_TABLES: u32 = 1000;
 
-/// A table of features.
 pub(super) struct FeatureTable {
     pub(super) name: String,
     pub(super) title: Option<String>,
@@ -36,7 +35,6 @@ pub(super) enum ColumnType {
     Other,
 }
 
-/// Tables of a database.
 #[derive(Default)]
 pub(super) struct FoundTables {
     pub(super) features: Vec<FeatureTable>,
@@ -58,7 +56,6 @@ fn quote(name: &str) -> String {
     format!("\"{}\"", name.replace('"', "\"\""))
 }
 
-/// Finds all tables of features.
 pub(super) fn find(connection: &Connection) -> rusqlite::Result<FoundTables> {
     let mut found = FoundTables::default();
     if !is_table(connection, "gpkg_geometry_columns")? || !is_table(connection, "gpkg_contents")? {

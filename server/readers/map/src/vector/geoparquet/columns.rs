@@ -69,7 +69,6 @@ impl<'a> ColumnValues<'a> {
         Self { array, values }
     }
 
-    /// Adds the attributes of a row.
     pub(super) fn push(&self, row: usize, name: &str, attributes: &mut Attributes, depth: u32) {
         if depth > MAX_DEPTH || attributes.len() >= MAX_ATTRIBUTES || row >= self.array.len() || self.array.is_null(row)
         {

@@ -17,7 +17,6 @@ const BOX_COLUMN: &str = "bbox";
 /// Names of members of boxes in the order west, south, east, north.
 const BOX_MEMBERS: [[&str; 4]; 2] = [["xmin", "ymin", "xmax", "ymax"], ["minx", "miny", "maxx", "maxy"]];
 
-/// The column with the geometry.
 pub(super) struct GeoColumn {
     pub(super) name: String,
     pub(super) encoding: GeometryEncoding,

@@ -84,7 +84,6 @@ impl<'a> AttributeReader<'a> {
         self.odd_text.take()
     }
 
-    /// Reads the next row.
     pub(super) fn next(&mut self, attributes: &mut Attributes) -> Row {
         if self.reader.read_exact(&mut self.row).is_err() {
             return Row::Missing;

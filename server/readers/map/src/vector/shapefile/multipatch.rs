@@ -19,7 +19,6 @@ const FIRST_RING: u32 = 4;
 const RING: u32 = 5;
 const TRIANGLES: u32 = 6;
 
-/// Adds the parts of a multipatch.
 pub(super) fn add(parts: Vec<Part>, geometry: &mut Geometry, problems: &mut Vec<&'static str>) {
     geometry.is_surface = true;
     for Part { kind, mut ring } in parts {

@@ -7,7 +7,6 @@ use insula_source::object::{FeatureKind, PointOnGround, Shape};
 
 type Positions<'a> = &'a [[f64; 3]];
 
-/// A file of shapes.
 fn shp(shapes: &[Vec<u8>]) -> Vec<u8> {
     let mut file = 9994_u32.to_be_bytes().to_vec();
     file.resize(100, 0);
