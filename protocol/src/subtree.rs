@@ -10,6 +10,7 @@ use crate::error::DecodeError;
 use crate::mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
+use serde::{Deserialize, Serialize};
 
 /// Levels below a subtree's root that it lists.
 pub const LEVELS: u8 = 5;
@@ -46,7 +47,7 @@ pub struct NodeInfo {
 
 /// Measured distances between what a node draws and the source, in metres; 655.35 stands for that or more. A tower that is not drawn shows in the
 /// distances from the source only, a wall that does not exist in those from what is drawn only.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct NodeDeviation {
     /// From what is drawn to the source, of 99.9% of the points.
     pub drawn_m: f32,
@@ -85,7 +86,7 @@ fn centimetres(metres: f32) -> u16 {
 }
 
 /// Metadata of one level of detail of a leaf's mesh.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeshLod {
     /// Largest distance from the source's surface in metres, never above that of the next coarser level of detail.
     pub error_m: f32,

@@ -1,6 +1,9 @@
 //! Files that are written under a temporary name and renamed, so that they exist completely or not at all.
 
 use crate::error::BakeError;
+use insula_protocol::codec::bincode;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
@@ -15,21 +18,28 @@ pub(crate) fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), BakeError> {
     })
 }
 
-/// Writes `bytes` and their BLAKE3 hash, without synchronising: [`read_hashed`] detects a file that a power failure cut
-/// short. Fails if the file cannot be written.
-pub(super) fn write_hashed(path: &Path, mut bytes: Vec<u8>) -> Result<(), BakeError> {
+/// Writes a pack without synchronising: [`read_pack`] detects a file that a power failure cut short. `bytes` begin with a
+/// magic number, then come what `entries` have the places of, the entries in bincode, their length in 8 bytes, and a BLAKE3
+/// hash of everything before. Fails if the file cannot be written.
+pub(super) fn write_pack<T: Serialize>(path: &Path, mut bytes: Vec<u8>, entries: &[T]) -> Result<(), BakeError> {
+    let list = bincode::to_bytes(&entries).map_err(|_| BakeError::Scratch { path: path.to_owned() })?;
+    bytes.extend_from_slice(&list);
+    bytes.extend_from_slice(&(list.len() as u64).to_le_bytes());
     bytes.extend_from_slice(blake3::hash(&bytes).as_bytes());
     write_renamed(path, |file| file.write_all(&bytes))
 }
 
-/// The bytes given to [`write_hashed`]; `None` if there is no such file, its hash is wrong, or it does not begin with
+/// The entries given to [`write_pack`]; `None` if there is no such file, its hash is wrong, or it does not begin with
 /// `magic`.
-pub(super) fn read_hashed(path: &Path, magic: [u8; 4]) -> Option<Vec<u8>> {
-    let mut bytes = fs::read(path).ok()?;
-    let body = bytes.len().checked_sub(HASH_BYTES)?;
-    let is_intact = blake3::hash(&bytes[..body]).as_bytes()[..] == bytes[body..] && bytes.starts_with(&magic);
-    bytes.truncate(body);
-    is_intact.then_some(bytes)
+pub(super) fn read_pack<T: DeserializeOwned>(path: &Path, magic: [u8; 4]) -> Option<Vec<T>> {
+    let bytes = fs::read(path).ok()?;
+    let (body, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
+    if blake3::hash(body) != *hash || !body.starts_with(&magic) {
+        return None;
+    }
+    let (body, length) = body.split_last_chunk::<8>()?;
+    let start = body.len().checked_sub(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    bincode::long_from_bytes(&body[start..]).ok()
 }
 
 fn write_renamed(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<()>) -> Result<(), BakeError> {

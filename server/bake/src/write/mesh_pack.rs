@@ -1,30 +1,26 @@
-//! The finished meshes of a block's leaves in one scratch file.
-//!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4
-//! bytes each), the tiles, a BLAKE3 hash of everything before.
+//! The finished meshes of a block's leaves in one scratch file: their bytes, then a list.
 
-use super::files::{read_hashed, write_hashed};
+use super::files::{read_pack, write_pack};
 use super::tile_pack::PackId;
 use crate::error::BakeError;
 use crate::mesh::EncodedLod;
 use insula_protocol::TileId;
 use insula_protocol::subtree::MeshLod;
+use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-const MAGIC: [u8; 4] = *b"INSQ";
-const HEAD_BYTES: usize = 8;
-const ENTRY_BYTES: usize = 28;
+const MAGIC: [u8; 4] = *b"INTQ";
 
-/// A mesh tile that is in its pack.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A mesh tile that is in its pack, or in the object of its region.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StoredMesh {
     pub(crate) id: TileId,
     /// Level of detail, 0 for the finest.
     pub(crate) lod: u8,
     pub(crate) info: MeshLod,
-    /// Of its bytes in the pack.
+    /// Of its bytes.
     pub(crate) offset: u64,
 }
 
@@ -41,41 +37,20 @@ fn pack_path(folder: &Path, pack: PackId) -> PathBuf {
 
 /// Writes a pack into `folder`. Fails if the file cannot be written.
 pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<Vec<StoredMesh>, BakeError> {
-    let all = || leaves.iter().flat_map(|leaf| (0u8..).zip(&leaf.lods).map(|(lod, mesh)| (leaf.id, lod, mesh)));
-    let count = all().count();
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend_from_slice(&(count as u32).to_le_bytes());
-    let mut offset = (HEAD_BYTES + ENTRY_BYTES * count) as u64;
-    let mut stored = Vec::with_capacity(count);
-    for (id, lod, EncodedLod { info, .. }) in all() {
-        let MeshLod { error_m, bytes: length, triangles, texture_px } = *info;
-        for word in [id.x(), id.y(), lod.into(), error_m.to_bits(), triangles, texture_px, length] {
-            bytes.extend_from_slice(&word.to_le_bytes());
+    let (mut all, mut stored) = (MAGIC.to_vec(), Vec::new());
+    for LeafMesh { id, lods } in leaves {
+        for (lod, EncodedLod { info, bytes }) in (0u8..).zip(lods) {
+            stored.push(StoredMesh { id: *id, lod, info: *info, offset: all.len() as u64 });
+            all.extend_from_slice(bytes);
         }
-        stored.push(StoredMesh { id, lod, info: *info, offset });
-        offset += u64::from(length);
     }
-    all().for_each(|(.., mesh)| bytes.extend_from_slice(&mesh.bytes));
-    write_hashed(&pack_path(folder, pack), bytes)?;
+    write_pack(&pack_path(folder, pack), all, &stored)?;
     Ok(stored)
 }
 
 /// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
 pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredMesh>> {
-    let bytes = read_hashed(&pack_path(folder, pack), MAGIC)?;
-    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
-    let count = word(4)? as usize;
-    let mut offset = HEAD_BYTES.checked_add(count.checked_mul(ENTRY_BYTES)?)? as u64;
-    let mut stored = Vec::new();
-    for at in (0..count).map(|entry| HEAD_BYTES + entry * ENTRY_BYTES) {
-        let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
-        let lod = u8::try_from(word(at + 8)?).ok()?;
-        let error_m = f32::from_bits(word(at + 12)?);
-        let info = MeshLod { error_m, triangles: word(at + 16)?, texture_px: word(at + 20)?, bytes: word(at + 24)? };
-        stored.push(StoredMesh { id, lod, info, offset });
-        offset += u64::from(info.bytes);
-    }
-    (offset == bytes.len() as u64).then_some(stored)
+    read_pack(&pack_path(folder, pack), MAGIC)
 }
 
 /// The bytes of a mesh tile. Fails if the pack cannot be read.

@@ -1,21 +1,17 @@
-//! The finished tiles of a block of one level in one scratch file.
-//!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes, number of points, and 1
-//! if it shows what its children do (4 bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a
-//! pack reads it.
+//! The finished tiles of a block of one level in one scratch file: the bytes and points of each, then a list. Only the version of
+//! the program that wrote a pack reads it.
 
-use super::files::{read_hashed, write_hashed};
+use super::files::{read_pack, write_pack};
 use crate::error::BakeError;
 use crate::scene::grid::BLOCK_LEAVES;
 use insula_protocol::TileId;
 use insula_protocol::subtree::NodeDeviation;
+use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-const MAGIC: [u8; 4] = *b"INSP";
-const HEAD_BYTES: usize = 8;
-const ENTRY_BYTES: usize = 44;
+const MAGIC: [u8; 4] = *b"INTP";
 const POINT_BYTES: usize = 12;
 
 /// The nodes that a pack contains: `BLOCK_LEAVES` x `BLOCK_LEAVES` nodes of one level.
@@ -68,91 +64,49 @@ pub(crate) struct EncodedTile {
     pub(crate) shows_children: bool,
 }
 
-/// A tile that is in its pack.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A tile that is in its pack, or in the object of its region.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StoredTile {
     pub(crate) id: TileId,
     pub(crate) z_min_m: f32,
     pub(crate) z_max_m: f32,
     pub(crate) deviation: NodeDeviation,
-    /// Of its bytes in the pack.
+    /// Of its bytes.
     pub(crate) offset: u64,
     pub(crate) bytes: u32,
     /// Number of its points in the pack.
     pub(crate) points: u32,
     /// Whether it shows the same as its children.
     pub(crate) shows_children: bool,
-    /// Whether the city that is updated has the same tile. Not stored in the pack.
+    /// Whether the city that is updated has the same tile.
     pub(crate) unchanged: bool,
 }
 
 /// Writes a pack into `folder`. Fails if the file cannot be written.
 pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Result<Vec<StoredTile>, BakeError> {
-    let (mut bytes, mut stored) = (Vec::new(), Vec::with_capacity(tiles.len()));
-    bytes.extend_from_slice(&MAGIC);
-    bytes.extend_from_slice(&(tiles.len() as u32).to_le_bytes());
-    let mut offset = (HEAD_BYTES + ENTRY_BYTES * tiles.len()) as u64;
-    for tile in tiles {
-        let EncodedTile { id, z_min_m, z_max_m, deviation, shows_children, .. } = *tile;
-        let (len, points) = (tile.bytes.len() as u32, tile.points.len() as u32);
-        let NodeDeviation { drawn_m, drawn_max_m, source_m, source_max_m } = deviation;
-        let metres = [z_min_m, z_max_m, drawn_m, drawn_max_m, source_m, source_max_m].map(f32::to_bits);
-        for word in [id.x(), id.y()].into_iter().chain(metres).chain([len, points, shows_children.into()]) {
-            bytes.extend_from_slice(&word.to_le_bytes());
-        }
+    let (mut all, mut stored) = (MAGIC.to_vec(), Vec::with_capacity(tiles.len()));
+    for EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children } in tiles {
         stored.push(StoredTile {
-            id,
-            z_min_m,
-            z_max_m,
-            deviation,
-            offset,
-            bytes: len,
-            points,
-            shows_children,
+            id: *id,
+            z_min_m: *z_min_m,
+            z_max_m: *z_max_m,
+            deviation: *deviation,
+            offset: all.len() as u64,
+            bytes: bytes.len() as u32,
+            points: points.len() as u32,
+            shows_children: *shows_children,
             unchanged: false,
         });
-        offset += u64::from(len) + points_bytes(points);
+        all.extend_from_slice(bytes);
+        all.extend(points.iter().flatten().flat_map(|v| v.to_le_bytes()));
     }
-    for tile in tiles {
-        bytes.extend_from_slice(&tile.bytes);
-        bytes.extend(tile.points.iter().flatten().flat_map(|v| v.to_le_bytes()));
-    }
-    write_hashed(&pack.path(folder), bytes)?;
+    write_pack(&pack.path(folder), all, &stored)?;
     Ok(stored)
 }
 
 /// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
 pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
-    let bytes = read_hashed(&pack.path(folder), MAGIC)?;
-    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
-    let count = word(4)? as usize;
-    let mut offset = HEAD_BYTES.checked_add(count.checked_mul(ENTRY_BYTES)?)? as u64;
-    let mut stored = Vec::new();
-    for at in (0..count).map(|entry| HEAD_BYTES + entry * ENTRY_BYTES) {
-        let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
-        let metres = |i: usize| word(at + 8 + 4 * i).map(f32::from_bits);
-        let (z_min_m, z_max_m) = (metres(0)?, metres(1)?);
-        let deviation = NodeDeviation {
-            drawn_m: metres(2)?,
-            drawn_max_m: metres(3)?,
-            source_m: metres(4)?,
-            source_max_m: metres(5)?,
-        };
-        let (bytes, points, shows_children) = (word(at + 32)?, word(at + 36)?, word(at + 40)? != 0);
-        stored.push(StoredTile {
-            id,
-            z_min_m,
-            z_max_m,
-            deviation,
-            offset,
-            bytes,
-            points,
-            shows_children,
-            unchanged: false,
-        });
-        offset += u64::from(bytes) + points_bytes(points);
-    }
-    (offset == bytes.len() as u64).then_some(stored)
+    read_pack(&pack.path(folder), MAGIC)
 }
 
 fn points_bytes(count: u32) -> u64 {

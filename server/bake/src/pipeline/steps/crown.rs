@@ -3,7 +3,7 @@
 use super::job::BakeSteps;
 use super::layout::CityPlan;
 use super::region;
-use super::region_file::{self, INDEX_KIND, TileEntry, TileIndex, index_name};
+use super::region_file::{self, INDEX_KIND, TileIndex, index_name};
 use super::scan::scratch_folder;
 use crate::error::BakeError;
 use crate::pipeline::context::{FinishedTiles, TileContext};
@@ -79,15 +79,16 @@ impl BakeSteps<'_> {
             let index: TileIndex = objects.read(&index_name(&folder), INDEX_KIND)?;
             self.progress.advance(1);
             // The root is the first tile of a region.
-            let Some(entry) = index.tiles.first() else { continue };
-            let damaged = || objects.damaged(&index_name(&folder), "its fields are damaged");
-            let StoredTile { id, z_min_m, z_max_m, deviation, shows_children, .. } =
-                entry.stored().filter(|tile| tile.id.level() == plan.region_level).ok_or_else(damaged)?;
-            let bytes = objects.store.range(&index.bytes, entry.start, entry.bytes.into());
+            let Some((root, _)) = index.tiles.first() else { continue };
+            let StoredTile { id, z_min_m, z_max_m, deviation, offset, bytes, shows_children, .. } = *root;
+            if id.level() != plan.region_level {
+                return Err(objects.damaged(&index_name(&folder), "its fields are damaged"));
+            }
+            let bytes = objects.store.range(&index.bytes, offset, bytes.into());
             let bytes = bytes.map_err(|cause| objects.failed(&index.bytes, cause))?;
             let points = index.root_points;
-            let is_leaf = |entry: &TileEntry| entry.stored().is_some_and(|tile| tile.id.level() == plan.grid.depth);
-            of_city.extend(index.tiles.iter().any(is_leaf).then_some(id));
+            let has_leaf = index.tiles.iter().any(|(tile, _)| tile.id.level() == plan.grid.depth);
+            of_city.extend(has_leaf.then_some(id));
             roots.push(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children });
         }
         Ok((roots, of_city))

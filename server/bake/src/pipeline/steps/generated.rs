@@ -2,7 +2,7 @@
 
 use super::job::BakeSteps;
 use super::layout::{PLAN, PLAN_KIND};
-use super::region_file::{INDEX_KIND, TileEntry, TileIndex, index_name};
+use super::region_file::{INDEX_KIND, TileIndex, index_name};
 use super::scan::{put_file, scratch_folder};
 use super::{crown, region};
 use crate::error::BakeError;
@@ -68,7 +68,7 @@ impl BakeSteps<'_> {
                 shows_children: false,
                 unchanged: false,
             };
-            index.tiles.push(TileEntry::new(&stored, start, short_hash(&blake3::hash(&tile))));
+            index.tiles.push((stored, short_hash(&blake3::hash(&tile))));
             start += tile.len() as u64;
         }
         file.flush().map_err(failed)?;

@@ -273,13 +273,15 @@ impl BakeSteps<'_> {
         for region in all_regions(plan) {
             let index = self.tile_index(region)?;
             let damaged = || objects.damaged(&index_name(&folder_of(region)), "its fields are damaged");
-            let (tiles, of_region) = index.stored().ok_or_else(damaged)?;
+            if index.meshes.iter().any(|(mesh, _)| mesh_tile::archive_id(mesh.id, mesh.lod).is_none()) {
+                return Err(damaged());
+            }
             let is_root = |id: TileId| region == CROWN && id.level() == plan.region_level;
-            of_crown.extend(tiles.iter().map(|tile| tile.id).filter(|id| is_root(*id)));
-            for tile in tiles {
+            of_crown.extend(index.tiles.iter().map(|(tile, _)| tile.id).filter(|id| is_root(*id)));
+            for (tile, _) in index.tiles {
                 levels.get_mut(usize::from(tile.id.level())).ok_or_else(damaged)?.push(tile);
             }
-            meshes.extend(of_region);
+            meshes.extend(index.meshes.into_iter().map(|(mesh, _)| mesh));
             fingerprints.extend(index.fingerprints);
             of_regions.insert(region, index.bytes);
             self.progress.advance(1);
@@ -306,8 +308,7 @@ impl BakeSteps<'_> {
     fn archived_tiles(&self, plan: &CityPlan, city: &CityTiles) -> Result<Vec<ArchivedTile>, BakeError> {
         let mut all = Vec::with_capacity(city.tree.levels().iter().map(Vec::len).sum());
         for region in all_regions(plan) {
-            let index = self.tile_index(region)?;
-            let stored = index.tiles.iter().filter_map(|tile| Some((tile.stored()?, tile.hash)));
+            let stored = self.tile_index(region)?.tiles.into_iter();
             let stored = stored.filter(|(tile, _)| city.tree.get(tile.id).is_some());
             all.extend(stored.map(|(StoredTile { id, offset, bytes, .. }, hash)| {
                 let tile = ListedTile { id, bytes, hash };
@@ -324,8 +325,7 @@ impl BakeSteps<'_> {
             return Ok(all);
         }
         for region in all_regions(plan) {
-            let index = self.tile_index(region)?;
-            let stored = index.meshes.iter().filter_map(|mesh| Some((mesh.stored()?, mesh.hash)));
+            let stored = self.tile_index(region)?.meshes.into_iter();
             let stored = stored.filter(|(mesh, _)| !city.tree.mesh(mesh.id).is_empty());
             all.extend(stored.filter_map(|(StoredMesh { id, lod, info, offset }, hash)| {
                 let tile = ListedTile { id: mesh_tile::archive_id(id, lod)?, bytes: info.bytes, hash };
