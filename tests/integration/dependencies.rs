@@ -121,7 +121,7 @@ const ALLOWED: [(&str, &[&str]); 25] = [
     ),
     ("insula-source", &["insula-protocol", "insula-archive", "insula-objects"]),
     ("insula-place", &["insula-source", "insula-archive"]),
-    ("insula-dress", &["insula-source"]),
+    ("insula-dress", &["insula-protocol", "insula-source"]),
     ("insula-scratch", &["insula-protocol"]),
     ("insula-simplify", &["insula-protocol", "insula-dress"]),
     ("insula-read-city", &["insula-source", "insula-place", "insula-dress"]),

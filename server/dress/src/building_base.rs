@@ -1,14 +1,13 @@
 //! The part of the map on which a building stands, and its height.
 
 use super::map_store::{MapBounds, MapRecord, bounds};
+use serde::{Deserialize, Serialize};
 
 /// The ground beside a building meets its base, and passes into the ground around within this distance.
 pub const BLEND_M: f64 = 8.0;
-const HEAD_BYTES: usize = 3 * 8;
-const TRIANGLE_BYTES: usize = 6 * 4;
 
 /// What a building stands on.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BuildingBase {
     /// World height of the building's lowest corner.
     pub height_m: f64,
@@ -47,8 +46,7 @@ impl BuildingBase {
     }
 }
 
-/// Little-endian: f64 height, f64 corner x and y; each triangle: f32 x and y of its corners. A base touches the ground of
-/// a rectangle if its bounds do.
+/// A base touches the ground of a rectangle if its bounds do.
 impl MapRecord for BuildingBase {
     fn bounds(&self) -> Option<MapBounds> {
         let corners: Vec<[f64; 2]> = self.triangles.iter().flat_map(|triangle| self.on_map(triangle)).collect();
@@ -57,27 +55,7 @@ impl MapRecord for BuildingBase {
     }
 
     fn size_bytes(&self) -> u64 {
-        (HEAD_BYTES + self.triangles.len() * TRIANGLE_BYTES) as u64
-    }
-
-    fn encode(&self, bytes: &mut Vec<u8>) {
-        let head = [self.height_m, self.corner[0], self.corner[1]];
-        bytes.extend(head.into_iter().flat_map(f64::to_le_bytes));
-        bytes.extend(self.triangles.iter().flatten().flatten().flat_map(|v| v.to_le_bytes()));
-    }
-
-    fn decode(bytes: &[u8]) -> Option<Self> {
-        let (head, rest) = bytes.split_at_checked(HEAD_BYTES)?;
-        let (head, _) = head.as_chunks::<8>();
-        let (values, rest) = rest.as_chunks::<4>();
-        if !rest.is_empty() || values.len() % 6 != 0 {
-            return None;
-        }
-        let value = |i: usize| values.get(i).map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
-        let corner = |i: usize| [value(i), value(i + 1)];
-        let triangles = (0..values.len() / 6).map(|n| [corner(6 * n), corner(6 * n + 2), corner(6 * n + 4)]).collect();
-        let [height_m, x, y] = [0, 1, 2].map(|i| head.get(i).map_or(0.0, |bytes| f64::from_le_bytes(*bytes)));
-        Some(Self { height_m, corner: [x, y], triangles })
+        (24 + size_of_val(self.triangles.as_slice())) as u64
     }
 }
 
@@ -89,9 +67,7 @@ mod tests {
     fn bases_are_the_same_after_they_were_written() {
         let triangles = vec![[[0.0, 1.5], [4.0, -2.0], [3.0, 9.0]], [[1.0, 1.0], [2.0, 2.0], [f32::MIN_POSITIVE, 3.0]]];
         let base = BuildingBase { height_m: 431.25, corner: [25_496_117.25, 6_672_041.5], triangles };
-        let mut bytes = Vec::new();
-        base.encode(&mut bytes);
-        assert_eq!(bytes.len() as u64, base.size_bytes());
+        let bytes = base.encode().unwrap();
         assert_eq!(BuildingBase::decode(&bytes), Some(base));
         assert_eq!(BuildingBase::decode(&bytes[..bytes.len() - 1]), None);
         assert_eq!(BuildingBase::decode(&bytes[..bytes.len() - 4]), None);

@@ -313,8 +313,7 @@ fn write_shapes(shapes: &MapStore<PaintShape>, path: &Path) -> Result<(), BakeEr
     let failed = |cause| BakeError::io(path, "written", cause);
     let mut writer = BufWriter::new(File::create(path).map_err(failed)?);
     let written = shapes.try_for_each(|shape| {
-        let mut bytes = Vec::new();
-        shape.encode(&mut bytes);
+        let bytes = shape.encode().ok_or(io::ErrorKind::InvalidData)?;
         writer.write_all(&(bytes.len() as u64).to_le_bytes())?;
         writer.write_all(&bytes)
     });

@@ -6,6 +6,9 @@
 mod bounds;
 
 pub use bounds::{MAX_COORDINATE_M, MapBounds, bounds, is_position, overlap};
+use insula_protocol::codec::bincode;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -18,18 +21,22 @@ const MAX_CELLS: i64 = 1024;
 const BUFFER_BYTES: usize = 1 << 18;
 
 /// A shape that can be kept.
-pub trait MapRecord: Sized {
+pub trait MapRecord: Serialize + DeserializeOwned {
     /// Lowest and highest position of what it covers; `None` if it has no position.
     fn bounds(&self) -> Option<MapBounds>;
 
-    /// Size of its bytes, see [`Self::encode`].
+    /// What it takes of the memory of a store.
     fn size_bytes(&self) -> u64;
 
-    /// Appends its bytes, if their size is below 4 GiB.
-    fn encode(&self, bytes: &mut Vec<u8>);
+    /// Its bytes in a scratch file; `None` if it has none.
+    fn encode(&self) -> Option<Vec<u8>> {
+        bincode::to_bytes(self).ok()
+    }
 
     /// The inverse of [`Self::encode`]; `None` if the bytes are not those of a shape.
-    fn decode(bytes: &[u8]) -> Option<Self>;
+    fn decode(bytes: &[u8]) -> Option<Self> {
+        bincode::long_from_bytes(bytes).ok()
+    }
 }
 
 /// Why shapes cannot be kept or found.
@@ -69,7 +76,6 @@ pub struct MapStore<T> {
     file_limit_bytes: u64,
     path: PathBuf,
     file: Option<Mutex<ScratchFile>>,
-    buffer: Vec<u8>,
 }
 
 #[derive(Debug)]
@@ -94,7 +100,6 @@ impl<T: MapRecord> MapStore<T> {
             file_limit_bytes,
             path: path.to_owned(),
             file: None,
-            buffer: Vec::new(),
         }
     }
 
@@ -181,24 +186,23 @@ impl<T: MapRecord> MapStore<T> {
 
     fn write(&mut self, shape: &T) -> Result<Slot<T>, MapStoreError> {
         let too_large = MapStoreError::TooLarge { limit_mib: self.file_limit_bytes >> 20 };
-        let Ok(bytes) = u32::try_from(shape.size_bytes()) else { return Err(too_large) };
+        let damaged = || MapStoreError::Damaged { path: self.path.clone() };
+        let record = shape.encode().ok_or_else(damaged)?;
+        let Ok(bytes) = u32::try_from(record.len()) else { return Err(too_large) };
         if self.file.is_none() {
             let file = File::options().read(true).write(true).create_new(true).open(&self.path);
             let file = file.map_err(|cause| self.failed("created", cause))?;
             let writer = BufWriter::with_capacity(BUFFER_BYTES, file);
             self.file = Some(Mutex::new(ScratchFile { writer, end: 0, is_at_end: true }));
         }
-        self.buffer.clear();
-        shape.encode(&mut self.buffer);
-        let (file, buffer) = (&mut self.file, &self.buffer);
-        let Some(file) = file.as_mut().map(|file| file.get_mut().unwrap_or_else(PoisonError::into_inner)) else {
+        let Some(file) = self.file.as_mut().map(|file| file.get_mut().unwrap_or_else(PoisonError::into_inner)) else {
             return Err(MapStoreError::Damaged { path: self.path.clone() });
         };
         let start = file.end;
         if start + u64::from(bytes) > self.file_limit_bytes {
             return Err(too_large);
         }
-        match file.append(buffer) {
+        match file.append(&record) {
             Ok(()) => Ok(Slot::File { start, bytes }),
             Err(cause) => Err(self.failed("written", cause)),
         }

@@ -1,8 +1,9 @@
 //! What areas and lines are: classes with their layers and usual widths.
 
+use serde::{Deserialize, Serialize};
+
 /// What an area is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum AreaClass {
     Residential,
     /// Offices, shops, schools, hospitals.
@@ -57,7 +58,8 @@ pub enum AreaLayer {
 }
 
 impl AreaClass {
-    /// All classes, in the order of their numbers.
+    /// All classes.
+    #[cfg(test)]
     pub const ALL: [Self; 25] = [
         Self::Residential,
         Self::Commercial,
@@ -119,8 +121,7 @@ impl AreaClass {
 }
 
 /// What a line is. Later classes are painted over earlier ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum LineClass {
     /// Rivers, canals, streams and ditches.
     Waterway,
@@ -159,7 +160,8 @@ pub enum LineClass {
 }
 
 impl LineClass {
-    /// All classes, in the order of their numbers.
+    /// All classes.
+    #[cfg(test)]
     pub const ALL: [Self; 24] = [
         Self::Waterway,
         Self::Pier,

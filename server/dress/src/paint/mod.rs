@@ -21,7 +21,6 @@ mod passes;
 mod pattern;
 mod prepare;
 mod reach;
-mod record;
 mod resolve;
 mod road_paint;
 mod shape;

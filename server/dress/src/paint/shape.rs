@@ -1,21 +1,23 @@
 //! Shapes that are painted.
 
+use crate::map_store::{MapBounds, MapRecord, bounds};
 use crate::paint::class::{AreaClass, LineClass};
 use crate::paint::reach::{CASING_M, JUNCTION_REACH_M, MAX_MITER, ROUND_END_REACH_M};
 use crate::paint::surfacing::Surfacing;
+use serde::{Deserialize, Serialize};
 
 /// Widths of lines are brought into this range.
 pub(super) const WIDTH_RANGE_M: [f64; 2] = [0.05, 200.0];
 
 /// An area or a line on the map.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum PaintShape {
     Area(PaintArea),
     Line(PaintLine),
 }
 
 /// An area on the map.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PaintArea {
     /// Rings in metres, x east and y north, in any orientation, closed or not. What an odd number of rings contains is
     /// painted. Positions that are not finite are left out.
@@ -26,7 +28,7 @@ pub struct PaintArea {
 }
 
 /// A line on the map. Lines on bridges and in tunnels are left out by the reader: they are not on the ground.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PaintLine {
     /// Points in metres, x east and y north. Lines that meet have a common point there. Positions that are not finite
     /// are left out.
@@ -44,8 +46,7 @@ pub struct PaintLine {
 }
 
 /// On which sides a road has pavements.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Sidewalks {
     /// Both, if the class usually has them, but not on fields, in woods and on water.
     #[default]
@@ -57,9 +58,26 @@ pub enum Sidewalks {
     Both,
 }
 
-impl Sidewalks {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 5] = [Self::Usual, Self::None, Self::Left, Self::Right, Self::Both];
+/// A shape touches a picture if its bounds do.
+impl MapRecord for PaintShape {
+    fn bounds(&self) -> Option<MapBounds> {
+        match self {
+            Self::Area(area) => bounds(area.rings.iter().flatten()),
+            Self::Line(line) => {
+                let [low, high] = bounds(&line.points)?;
+                let reach_m = line.reach_m();
+                Some([low.map(|v| v - reach_m), high.map(|v| v + reach_m)])
+            }
+        }
+    }
+
+    fn size_bytes(&self) -> u64 {
+        let ring = |ring: &Vec<[f64; 2]>| 4 + size_of_val(ring.as_slice()) as u64;
+        match self {
+            Self::Area(area) => 7 + area.rings.iter().map(ring).sum::<u64>(),
+            Self::Line(line) => 18 + ring(&line.points),
+        }
+    }
 }
 
 impl PaintLine {

@@ -1,10 +1,10 @@
 //! Surfaces of paths, roads and squares.
 
 use crate::paint::material::PaintMaterial;
+use serde::{Deserialize, Serialize};
 
 /// Surface of a path, a road, a square or a pitch, if the source has one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Surfacing {
     Asphalt,
     Concrete,
@@ -23,20 +23,6 @@ pub enum Surfacing {
 }
 
 impl Surfacing {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 10] = [
-        Self::Asphalt,
-        Self::Concrete,
-        Self::Paving,
-        Self::Setts,
-        Self::Gravel,
-        Self::Earth,
-        Self::Grass,
-        Self::Sand,
-        Self::Wood,
-        Self::Clay,
-    ];
-
     /// By the value of `surface` in OpenStreetMap; `None` for values without a material, such as `paved`.
     #[must_use]
     pub fn of_tag(value: &str) -> Option<Self> {

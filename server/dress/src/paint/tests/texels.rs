@@ -22,7 +22,8 @@ fn town(seed: u64) -> Vec<PaintShape> {
                 points[1] = other.points[other.points.len() / 2];
             }
             let class = LineClass::ALL[i / 2 % LineClass::ALL.len()];
-            let sidewalks = Sidewalks::ALL[(dice.next() % 5) as usize];
+            let sides = [Sidewalks::Usual, Sidewalks::None, Sidewalks::Left, Sidewalks::Right, Sidewalks::Both];
+            let sidewalks = sides[(dice.next() % 5) as usize];
             let lanes = Some((dice.next() % 4) as u8);
             shapes.push(PaintShape::Line(PaintLine { lanes, sidewalks, ..PaintLine::new(class, points) }));
         }
