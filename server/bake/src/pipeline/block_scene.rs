@@ -8,7 +8,7 @@ use crate::error::BakeError;
 use crate::hash::{ShortHash, short_hash};
 use crate::scene::block_content::BlockContent;
 use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
-use crate::scene::object_facts::BlockObjectFacts;
+use crate::scene::object_facts::{BlockObjectFacts, facts_of};
 use crate::scene::partition::{LeafBlock, Partition};
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::triangle_store::{RECORD_BYTES, to_record};
@@ -44,7 +44,7 @@ impl BlockScene {
         }
         let [x, y] = grid.block_offset_m([block.x, block.y]);
         let origin_m = [grid.corner[0] + x, grid.corner[1] + y, 0.0];
-        let facts = city.object_facts.of(&objects.order)?;
+        let facts = facts_of(&city.object_facts, &objects.order)?;
         Ok(Self { triangles, objects: objects.order, facts, materials: materials.order, origin_m })
     }
 

@@ -3,7 +3,7 @@
 //! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps all of them in memory.
 
 use crate::error::BakeError;
-use crate::scene::object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter};
+use crate::scene::object_facts::BlockObjectFacts;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::texture_store::TextureStore;
@@ -76,7 +76,7 @@ pub(crate) struct ScratchScene {
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
     pub(crate) objects: RecordList<StoredObject>,
     /// What blocks need to know of the objects; empty until these are numbered.
-    pub(crate) object_facts: ObjectFactsStore,
+    pub(crate) object_facts: RecordList<BlockObjectFacts>,
     /// As in [`Scene`].
     pub(crate) landmarks: Vec<Landmark>,
     /// Objects of landmarks that stand on the ground, which may be generated.
@@ -125,16 +125,16 @@ impl ScratchScene {
         })
     }
 
-    /// Keeps for blocks what they need to know of the objects, which have these numbers. Fails if a list cannot be read, or if this cannot
-    /// be written.
+    /// Keeps for blocks what they need to know of the objects, which have these numbers. Fails if a list cannot be read.
     pub(crate) fn keep_object_facts(&mut self, numbers: &RecordList<u32>) -> Result<(), BakeError> {
-        let mut writer = ObjectFactsWriter::new(&self.objects.scratch(), self.objects.len())?;
+        let mut facts = RecordList::new(&self.objects.scratch());
         let mut numbers = numbers.cursor();
         self.objects.try_for_each(|i, object| {
             let StoredObject { kind, base_z_m, .. } = *object;
-            writer.push(BlockObjectFacts { kind, base_z_m, number: *numbers.get(i)? })
+            facts.push(BlockObjectFacts { kind, base_z_m, number: *numbers.get(i)? });
+            Ok::<_, BakeError>(())
         })?;
-        self.object_facts = writer.finish()?;
+        self.object_facts = facts;
         Ok(())
     }
 
@@ -198,7 +198,7 @@ impl ScratchScene {
             crs: scene.crs,
             bounds,
             objects: objects.into(),
-            object_facts: ObjectFactsStore::default(),
+            object_facts: RecordList::default(),
             landmarks: scene.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),

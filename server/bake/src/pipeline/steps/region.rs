@@ -15,7 +15,7 @@ use crate::pipeline::leaves::LeafBaker;
 use crate::pipeline::parents;
 use crate::report::ResumeStatus;
 use crate::scene::Landmark;
-use crate::scene::object_facts::{BlockObjectFacts, ObjectFactsStore};
+use crate::scene::object_facts::BlockObjectFacts;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::object_records::ObjectRecords;
 use crate::scene::scratch_budget::ScratchBudget;
@@ -171,7 +171,7 @@ impl BakeSteps<'_> {
             crs: None,
             bounds: None,
             objects: RecordList::default(),
-            object_facts: ObjectFactsStore::Memory(builder.objects),
+            object_facts: builder.objects.into(),
             landmarks: builder.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),

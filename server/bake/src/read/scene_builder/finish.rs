@@ -5,7 +5,6 @@ use super::strays::{Outskirts, PlaceHistogram, is_at_origin, stray_distance_m};
 use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
 use crate::error::BakeError;
 use crate::scene::Landmark;
-use crate::scene::object_facts::ObjectFactsStore;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredObject};
 use crate::scene::texture_store::TextureStore;
@@ -66,7 +65,7 @@ impl SceneBuilder {
             crs: None,
             bounds: None,
             objects: RecordList::new(&scratch),
-            object_facts: ObjectFactsStore::default(),
+            object_facts: RecordList::default(),
             landmarks: Vec::new(),
             standing: Vec::new(),
             parents: self.parents,
