@@ -59,7 +59,7 @@ fn check_block(
     let offset_m = grid.block_offset_m([block.x, block.y]);
     let [x, y] = [0, 1].map(|axis| city.origin[axis] + grid.corner[axis] + offset_m[axis]);
     let [needed_mib, limit_mib] = [needed, limit].map(|bytes| bytes as u64 >> 20);
-    Err(BakeError::BlockTooLarge { object: city.names.describe(object), x, y, needed_mib, limit_mib })
+    Err(BakeError::BlockTooLarge { object: city.describe(object), x, y, needed_mib, limit_mib })
 }
 
 /// A partition with the fingerprint of each block.

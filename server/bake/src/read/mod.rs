@@ -141,7 +141,6 @@ pub(crate) fn read_to_disk(
     let listed = list::list(inputs, options, &mut bad)?;
     let mut read = read_city(&listed, bad, context, progress)?;
     read.city.stored.finish()?;
-    read.city.names.finish();
     read.city.records.finish()?;
     read.city.textures.finish()?;
     read.level_textures(options)?;

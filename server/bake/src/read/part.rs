@@ -297,7 +297,6 @@ impl<'o> SceneParts<'o> {
         read.report.vertical_datum = vertical_datum.or(read.report.vertical_datum.take());
         read.report.geoid = geoid.or(read.report.geoid.take());
         read.city.stored.finish()?;
-        read.city.names.finish();
         let own_record_bytes = read.city.records.bytes();
         read.city.records.finish()?;
         read.city.textures.finish()?;

@@ -3,7 +3,6 @@
 pub(crate) mod block_content;
 pub mod grid;
 pub(crate) mod object_facts;
-pub(crate) mod object_names;
 pub(crate) mod object_numbers;
 pub(crate) mod object_records;
 pub(crate) mod partition;

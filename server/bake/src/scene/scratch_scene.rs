@@ -4,7 +4,6 @@
 
 use crate::error::BakeError;
 use crate::scene::object_facts::BlockObjectFacts;
-use crate::scene::object_names::ObjectNames;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -13,6 +12,9 @@ use insula_objects::FeatureKind;
 use insula_scratch::record_list::RecordList;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+
+/// Longer identifiers are cut in messages.
+const MAX_CHARS: usize = 80;
 
 /// Colour of triangles, with the texture by number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -88,7 +90,8 @@ pub(crate) struct ScratchScene {
     pub(crate) textures: TextureStore,
     /// Number of triangles.
     pub(crate) triangles: u64,
-    pub(crate) names: ObjectNames,
+    /// Identifiers of the objects, for reports and messages.
+    pub(crate) names: RecordList<String>,
     /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
     pub(crate) placements: RecordList<ObjectPlacement>,
     pub(crate) stored: TriangleStore,
@@ -136,6 +139,13 @@ impl ScratchScene {
         })?;
         self.object_facts = facts;
         Ok(())
+    }
+
+    /// An object's identifier on one line, for a message, else its number.
+    pub(crate) fn describe(&self, object: u32) -> String {
+        let id = self.names.get(object as usize).unwrap_or_default();
+        let line: String = id.chars().map(|c| if c.is_control() { ' ' } else { c }).take(MAX_CHARS).collect();
+        if line.is_empty() { format!("number {object}") } else { line }
     }
 
     /// Frees the triangles, whose copies in the partition's buckets are used from then on.
@@ -192,7 +202,7 @@ impl ScratchScene {
             is_reflective: m.is_reflective,
         };
         let materials = scene.materials.into_iter().map(stored).collect();
-        let names = ObjectNames::Memory(scene.objects.iter().map(|object| object.id.clone()).collect());
+        let names = scene.objects.iter().map(|object| object.id.clone()).collect::<Vec<String>>().into();
         Ok(Self {
             origin: scene.origin,
             crs: scene.crs,
@@ -274,7 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn valid_scene_has_bounds_and_an_invalid_one_is_an_error() {
+    fn valid_scene_has_bounds_and_names_and_an_invalid_one_is_an_error() {
         let corners = [[2.0, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
         let scene = || Scene {
             triangles: vec![SceneTriangle {
@@ -287,9 +297,11 @@ mod tests {
             materials: vec![Material { rgb: [9, 8, 7], texture: None, is_reflective: false }],
             ..Scene::default()
         };
-        let bounds = ScratchScene::from_scene(scene()).unwrap().bounds.unwrap();
-        assert_eq!(bounds, [[0.0, -3.0, -1.0], [5.0, 0.5, 1.0]]);
+        let city = ScratchScene::from_scene(scene()).unwrap();
+        assert_eq!(city.bounds, Some([[0.0, -3.0, -1.0], [5.0, 0.5, 1.0]]));
         assert_eq!(ScratchScene::from_scene(Scene::default()).unwrap().bounds, None);
+        let named = ScratchScene { names: ["a", "two\nlines", ""].map(str::to_owned).to_vec().into(), ..city };
+        assert_eq!([0, 1, 2, 3].map(|i| named.describe(i)), ["a", "two lines", "number 2", "number 3"]);
         let make_invalid: [fn(&mut SceneTriangle); 4] =
             [|t| t.material = 1, |t| t.object = 1, |t| t.corners[1][2] = f32::NAN, |t| t.uv[2][0] = f32::INFINITY];
         for make_invalid in make_invalid {

@@ -16,7 +16,6 @@ use crate::pipeline::parents;
 use crate::report::ResumeStatus;
 use crate::scene::Landmark;
 use crate::scene::object_facts::BlockObjectFacts;
-use crate::scene::object_names::ObjectNames;
 use crate::scene::object_records::ObjectRecords;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial};
@@ -179,7 +178,7 @@ impl BakeSteps<'_> {
             materials: builder.materials,
             textures: TextureStore::of_files(builder.textures, textures, cache_bytes),
             triangles: builder.triangles,
-            names: ObjectNames::Memory(Vec::new()),
+            names: RecordList::default(),
             placements: builder.placements.into(),
             stored,
         })

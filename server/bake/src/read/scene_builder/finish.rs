@@ -5,7 +5,6 @@ use super::strays::{Outskirts, PlaceHistogram, is_at_origin, stray_distance_m};
 use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
 use crate::error::BakeError;
 use crate::scene::Landmark;
-use crate::scene::object_names::ObjectNames;
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredObject};
 use crate::scene::texture_store::TextureStore;
 use insula_scratch::record_list::{RecordList, RecordScratch};
@@ -73,7 +72,7 @@ impl SceneBuilder {
             materials: self.materials,
             textures,
             triangles: 0,
-            names: ObjectNames::for_triangles(&self.triangles),
+            names: RecordList::new(&scratch),
             placements: RecordList::new(&scratch),
             stored: self.triangles,
         };
