@@ -49,7 +49,6 @@ impl ShownProposal {
         if self.is_shown { !self.removed.contains(&object) } else { object < FIRST_ADDED }
     }
 
-    /// The objects that it adds.
     pub(crate) fn objects(&self) -> AddedObjects {
         self.objects.clone()
     }

@@ -54,7 +54,6 @@ pub struct Manifest {
     pub counts: CityCounts,
     /// Sources that must be named wherever the city is shown.
     pub attribution: Vec<Attribution>,
-    /// Version of the tile format.
     pub tile_version: u16,
     /// Hash of the bake's settings. A bake with other settings is not resumed.
     pub settings: String,
@@ -122,7 +121,6 @@ impl GeoLocation {
 pub struct CityCounts {
     /// City objects of the sources, of which a building may have several: see `buildings`.
     pub objects: u64,
-    /// Triangles of the sources.
     pub triangles: u64,
     /// Number of nodes per level, root first.
     pub nodes_per_level: Vec<u64>,

@@ -24,7 +24,6 @@ const TILESETS: &str = "/3dtiles/";
 const TILESET_FILE: &str = "tileset.json";
 /// Stands for a block's number in the address of the objects' schema.
 const SCHEMA: &str = "schema";
-/// Prefix of the pages of cities.
 const PAGES: &str = "/cities";
 /// What follows a city's version in the address of its search.
 const SEARCH: &str = "search";
@@ -55,7 +54,6 @@ pub enum Route<'a> {
     Health,
     Readiness,
     Metrics,
-    /// The list of cities.
     Cities,
     Manifest {
         city: &'a str,

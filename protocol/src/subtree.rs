@@ -226,7 +226,6 @@ fn read_deviations(raw: &[u8], count: usize) -> Result<Vec<NodeDeviation>, Decod
     Ok((0..count).map(deviation).collect())
 }
 
-/// Reads the meshes section.
 fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeError> {
     if raw.is_empty() {
         return Ok(Vec::new());

@@ -11,7 +11,6 @@ use crate::tile::{MAX_SECTION_BYTES, TileReader, TileWriter};
 use crate::tile_id::MAX_LEVEL;
 use crate::{TileId, TileKind};
 
-/// Version of the content.
 const VERSION: u8 = 1;
 /// Layers of eyes, by their height above the ground.
 pub const LAYERS: usize = 3;

@@ -207,7 +207,6 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
 
-    /// Side of the picture.
     const SIDE: u32 = 64;
 
     /// The shades of a plane 100 m below a camera that looks down, in whose middle is something else, by the distance of the plane there.

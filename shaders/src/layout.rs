@@ -39,9 +39,7 @@ pub const SUMMARY_WORDS: usize = NODE_BLOCKS * NODE_BLOCKS * 4;
 pub(crate) const SUMMARY_VEC4S: usize = SUMMARY_WORDS / 4;
 /// Where the byte of a block's bounds begins in a summary word.
 pub(crate) const SUMMARY_BYTE_SHIFT: u32 = 24;
-/// Bits of a quad's top.
 pub(crate) const QUAD_TOP_BITS: u32 = 6;
-/// Largest top of a quad.
 pub(crate) const QUAD_TOP_MAX: u32 = (1 << QUAD_TOP_BITS) - 1;
 
 /// Most rays along a pixel's side.
@@ -54,7 +52,6 @@ pub const WORKGROUP: [u32; 2] = [8, 8];
 pub(crate) const METER_THREADS: u32 = 256;
 pub(crate) const METER_READS: u32 = 64;
 
-/// Threads of a workgroup that counts hits.
 pub(crate) const HIT_COUNTS_THREADS: u32 = 64;
 /// Side of the block of pixels that one thread counts.
 pub(crate) const HIT_BLOCK_PX: u32 = 8;
@@ -227,7 +224,6 @@ pub struct FrameUniform {
     pub windows: [[i32; 4]; GRID_LEVELS],
     /// Stones of landmarks, by their number in the city.
     pub stones: [Stone; MAX_STONES],
-    /// Translucency maps of landmarks.
     pub translucency: [TranslucencyMap; MAX_MAPS],
     /// 1 if there are any.
     pub translucent: u32,
@@ -377,7 +373,6 @@ impl DrawNode {
         std::array::from_fn(|i| pages[i] | u32::from(below[i]) << QUARTER_SHIFT)
     }
 
-    /// The atlas page of a plane.
     pub(crate) const fn page(&self, plane: usize) -> u32 {
         self.pages[plane] & ((1 << QUARTER_SHIFT) - 1)
     }
@@ -387,12 +382,10 @@ impl DrawNode {
         self.pages[quarter] >> QUARTER_SHIFT
     }
 
-    /// Slot of the summary.
     pub(crate) const fn slot(&self) -> usize {
         (self.slot_and_shift >> SLOT_SHIFT) as usize
     }
 
-    /// The map's `z_shift`.
     pub(crate) const fn z_shift(&self) -> u32 {
         self.slot_and_shift & ((1 << SLOT_SHIFT) - 1)
     }

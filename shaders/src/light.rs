@@ -62,7 +62,6 @@ const VISIBLE_CONTRAST_LN: f64 = 3.912;
 const HAZE_TINT: DVec3 = DVec3::new(0.8704, 1.0024, 1.2438);
 /// Rings of directions over which the sky's irradiance is summed.
 const RINGS: u32 = 12;
-/// Atmospheres that are remembered.
 const REMEMBERED: usize = 4;
 
 /// How clear the air is.

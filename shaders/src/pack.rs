@@ -67,7 +67,6 @@ pub struct PackedNode {
     /// How far its quarters are below it, for
     /// [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters).
     pub below: [u8; 4],
-    /// The map's `z_shift`.
     pub z_shift: u32,
     /// Mean log2 of the luminances of its texels, at most 0.
     pub albedo_log2: f32,
@@ -104,7 +103,6 @@ fn palette_of(map: &BlockMap) -> Vec<u32> {
     list
 }
 
-/// The words of the objects' plane.
 fn object_plane(map: &BlockMap, list: &[u32]) -> Page {
     let mut page: Page = vec![0; PAGE_WORDS].into();
     let Some(objects) = &map.objects else { return page };

@@ -26,7 +26,6 @@ fn to_bytes<'a>(words: impl Iterator<Item = &'a u32>) -> Vec<u8> {
     words.flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// Whole pages.
 pub(crate) mod pages {
     use super::*;
 
@@ -43,7 +42,6 @@ pub(crate) mod pages {
     }
 }
 
-/// An array.
 pub(crate) mod array {
     use super::*;
 

@@ -16,7 +16,6 @@ use std::path::Path;
 /// Least distance in the projected error, as in the client.
 const NEAR_M: f64 = 1.0;
 
-/// The planes of a view frustum.
 pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
     let axes = camera.axes(spec);
     let unit = |v: DVec3| v.normalize_or(DVec3::X);
@@ -79,7 +78,6 @@ impl Baked {
         ids
     }
 
-    /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);
         tiles.map(|(id, bytes)| decode(id, &bytes?)).collect()

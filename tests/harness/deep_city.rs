@@ -15,14 +15,11 @@ use std::sync::atomic::Ordering::Relaxed;
 const NAME: &str = "deep";
 const DEPTH: u8 = insula_protocol::tile_id::MAX_LEVEL;
 
-/// The running server.
 #[derive(Debug)]
 pub struct DeepCityServer {
-    /// Address of the server.
     pub url: String,
     /// Number of subtree tiles that were sent.
     pub subtrees: Arc<AtomicU64>,
-    /// Bytes of all responses.
     pub bytes: Arc<AtomicU64>,
 }
 

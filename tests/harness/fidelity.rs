@@ -42,7 +42,6 @@ const REFERENCE_SIDE: u32 = 4;
 // With an odd number, one ray goes through the pixel's centre; its distance is compared.
 const _: () = assert!(STILL_SAMPLES % 2 == 1);
 
-/// A view and its measures.
 #[derive(Debug, Clone)]
 pub struct View {
     pub station: Station,
@@ -155,7 +154,6 @@ pub fn measure_coloured(
     Ok(summaries)
 }
 
-/// All views at one tolerance.
 #[derive(Debug, Clone)]
 pub struct Summary {
     pub tau_px: f64,

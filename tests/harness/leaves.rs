@@ -31,7 +31,6 @@ pub fn leaves(scene: &Scene, side_m: f64, bits: u8) -> Vec<Mesh> {
     squares.values().map(|triangles| mesh(triangles, bits)).filter(|mesh| !mesh.triangles.is_empty()).collect()
 }
 
-/// The whole city as one mesh.
 pub fn whole_mesh(scene: &Scene, bits: u8) -> Mesh {
     let triangles: Vec<_> = scene.triangles.iter().map(|t| t.corners.map(|corner| corner.map(f64::from))).collect();
     mesh(&triangles, bits)

@@ -35,7 +35,6 @@ impl Distances {
     }
 }
 
-/// The errors of the nodes of one level.
 #[derive(Debug)]
 pub struct LevelError {
     pub level: u8,

@@ -211,7 +211,6 @@ impl Pose {
     ];
 }
 
-/// A random camera.
 pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
     let side = city.area.root_side_m;
     let tallest_m = city.maps.iter().map(top_m).fold(1.0, f64::max);

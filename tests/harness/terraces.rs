@@ -13,7 +13,6 @@ use insula_shaders::cpu::raycast::Pixels;
 use insula_shaders::layout::Shading;
 use insula_shaders::mesh::{PackedMesh, ray_origin};
 
-/// Side of a leaf.
 const LEAF_M: u32 = 64;
 /// Steps of a leaf's grid per metre.
 const STEPS: u32 = 64;
@@ -98,7 +97,6 @@ impl Terraces {
 
 /// Sides of the slab, in metres from the south-west corner.
 const SLAB_M: [u32; 2] = [4, 60];
-/// Height of the slab.
 const SLAB_Z_M: u32 = 20;
 /// A ray that meets the slab's plane nearer to its border than this, in metres, may see the slab or the ground.
 const ROUNDING_M: f64 = 4e-5;

@@ -16,7 +16,6 @@ pub struct Shape {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePoint {
     pub at: Vec3,

@@ -58,7 +58,6 @@ enum Run {
     OnGpu(fn(&Gpu) -> Result<()>),
 }
 
-/// A test of a [`Trials`].
 pub struct Test {
     name: String,
     run: Run,
@@ -116,7 +115,6 @@ macro_rules! gpu_tests {
     ($($test:ident),+ $(,)?) => { [$($crate::trials::Test::on_gpu(stringify!($test), $test)),+] };
 }
 
-/// The tests of a program.
 pub struct Trials {
     module: &'static str,
     gpu: Arc<Result<Gpu>>,
@@ -149,7 +147,6 @@ impl Trials {
         self.gpu.is_ok() || adapter_is_required()
     }
 
-    /// Adds tests.
     pub fn add(&mut self, tests: impl IntoIterator<Item = Test>) -> &mut Self {
         for test in tests {
             let name = format!("{}::{}", self.module, test.name);

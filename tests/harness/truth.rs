@@ -207,7 +207,6 @@ impl Truth {
     }
 }
 
-/// Colour of the sky.
 const SKY: u32 = 0xffe6_d2be;
 
 fn product(a: u8, b: u8) -> u8 {

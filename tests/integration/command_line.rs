@@ -116,7 +116,6 @@ pub(crate) fn call(name: &str, folder: &Path, arguments: &[&OsStr]) -> (Option<i
     (output.status.code(), lines.map(|line| format!("{line}\n")).collect())
 }
 
-/// A folder with the city `city`.
 fn baked_city(input: &OsStr, city: &OsStr) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir_all(folder.path().join(input).parent().unwrap()).unwrap();

@@ -36,7 +36,6 @@ pub(crate) fn add(trials: &mut Trials) {
 
 /// What a reader opens first. Their commands run in this order.
 const DOORS: [&str; 4] = ["README.md", "docs/publish.md", "docs/draw.md", "docs/web.md"];
-/// Most words of README.
 const MAX_README_WORDS: usize = 900;
 /// Most commands of a page behind it.
 const MAX_WALK: usize = 10;

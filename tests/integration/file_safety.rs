@@ -38,7 +38,6 @@ enum PathUse {
     Writes(&'static str, &'static str),
     /// A folder or the place of a city that is read.
     ReadsFolder(&'static str),
-    /// A folder that is written.
     WritesFolder(&'static str),
     /// A text, or a reason why there is no case.
     Else(&'static str),

@@ -220,7 +220,6 @@ fn possessions(place: &Workplace) -> BTreeMap<PathBuf, Possession> {
     theirs
 }
 
-/// A command line.
 struct Command {
     line: String,
     inputs: Vec<String>,

@@ -75,7 +75,6 @@ struct CityReport {
     same_percent: Vec<f64>,
 }
 
-/// A cold start.
 #[derive(Debug, Serialize)]
 struct Start {
     adapter: String,

@@ -99,7 +99,6 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Cameras by name.
 fn cameras(args: &Args) -> Result<Vec<(String, Camera)>> {
     if args.camera.is_empty() {
         let views = Baked::open(&args.city)?.overviews();

@@ -136,12 +136,10 @@ fn check_outputs(args: &SnapshotArgs, proposal: &[PathBuf]) -> std::result::Resu
     args.report.as_ref().map_or(Ok(()), |path| outputs.file(path, RunReport::KIND))
 }
 
-/// An object of a picture.
 #[derive(Serialize)]
 struct ShownObject {
     #[serde(flatten)]
     object: ObjectDescription,
-    /// Pixels that show it.
     pixels: u64,
 }
 

@@ -69,10 +69,8 @@ pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global
 struct FirstView {
     status: StartStatus,
     camera: Option<Camera>,
-    /// Time of the light.
     time: Option<SunTime>,
     look: Option<Look>,
-    /// The selected object.
     object: Option<u32>,
 }
 

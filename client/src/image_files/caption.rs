@@ -49,7 +49,6 @@ pub(super) fn draw_caption(image: &mut RgbImage, credits: &[Attribution]) {
     paint(image, &caption, &fonts.image());
 }
 
-/// The caption of one source.
 #[derive(Debug, PartialEq)]
 struct CaptionLine {
     text: String,

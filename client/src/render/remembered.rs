@@ -33,7 +33,6 @@ impl RememberedTrials {
         Self { cache }
     }
 
-    /// The trial of a driver, if it is remembered.
     pub(super) fn get(&self, key: &str) -> Option<DriverTrial> {
         let bytes = self.cache.as_ref()?.read(key)?;
         let [cpu_us, software_us] = serde_json::from_slice::<[u64; 2]>(&bytes).ok()?;

@@ -4,7 +4,6 @@ use super::{CpuAdapter, GpuAdapter, GpuDevice};
 use insula_viewer::render::TrialCity;
 use std::time::{Duration, Instant};
 
-/// Size of the frames.
 const SIZE_PX: [u32; 2] = [320, 180];
 /// Frames that each draws at most. The fastest counts.
 const MAX_FRAMES: usize = 4;
@@ -16,7 +15,6 @@ const MAX_TIME: Duration = Duration::from_millis(150);
 pub(super) struct DriverTrial {
     /// The CPU ray-caster.
     pub(super) cpu: Duration,
-    /// The software driver.
     pub(super) software: Duration,
     /// Whether it was an earlier run of this program.
     pub(super) is_remembered: bool,

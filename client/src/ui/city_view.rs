@@ -49,7 +49,6 @@ pub struct CityViewSetup {
     pub playback: Option<PathPlayback>,
     /// Opens another session of the city, for pictures.
     pub open_again: OpenAgainFn,
-    /// Size of the cache.
     pub cache_bytes: u64,
 }
 
@@ -75,7 +74,6 @@ pub struct CityView {
     pub(super) stones: StonePanel,
     /// The reader of the objects, until the first view is complete.
     pub(super) unopened_objects: Option<SharedLookup>,
-    /// Whether Shift is down.
     pub(super) is_shift_down: bool,
     pub(super) open_again: OpenAgainFn,
     pub(super) cache_bytes: u64,

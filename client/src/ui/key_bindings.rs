@@ -31,7 +31,6 @@ pub enum KeyAction {
     AddBookmark,
     /// Show or hide bookmarks and coordinates.
     ToggleBookmarks,
-    /// Copy a view link.
     CopyLink,
     /// Start or stop recording a camera path.
     ToggleRecording,

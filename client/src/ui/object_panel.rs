@@ -27,7 +27,6 @@ struct FoundObject {
     shown: Vec<ShownValue>,
 }
 
-/// The selection and its panel.
 pub(super) struct ObjectPanel {
     selected: BTreeSet<u32>,
     /// What is known of the selected objects, in the order of arrival.
@@ -57,12 +56,10 @@ impl ObjectPanel {
         }
     }
 
-    /// The selected objects.
     pub(super) fn selected(&self) -> &BTreeSet<u32> {
         &self.selected
     }
 
-    /// The selected object, if it is one.
     pub(super) fn only_selected(&self) -> Option<u32> {
         self.selected.first().copied().filter(|_| self.selected.len() == 1)
     }

@@ -13,7 +13,6 @@ use std::ops::RangeInclusive;
 #[derive(Debug, Default)]
 pub(super) struct StonePanel {
     pub(super) is_open: bool,
-    /// Parameters of each stone of the city.
     stones: Vec<StoneParameters>,
     selected: usize,
     generation: u64,

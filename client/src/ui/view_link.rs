@@ -21,7 +21,6 @@ const MAX_BYTES: usize = 2048;
 pub struct ViewLink {
     pub location: CityLocation,
     pub camera: Option<Camera>,
-    /// Time of the light.
     pub time: Option<SunTime>,
     /// How the city is shown.
     pub look: Option<Look>,

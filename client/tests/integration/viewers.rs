@@ -137,7 +137,6 @@ pub(crate) struct SimulatedViewer {
 }
 
 impl SimulatedViewer {
-    /// Step of the clock.
     const STEP: Duration = Duration::from_millis(50);
 
     pub(crate) fn new(server: &TestServer, cache_mib: u64) -> Self {

@@ -208,7 +208,6 @@ pub struct PathKey {
 /// A camera path: `{"seconds":S,"keys":[{"t":..,"position":..,"target":..}]}`, with straight lines from key to key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraPath {
-    /// Duration.
     pub seconds: f64,
     /// In the order of their times.
     pub keys: Vec<PathKey>,

@@ -196,7 +196,6 @@ struct NodeList<'a> {
     drawn: Vec<DrawnTile>,
 }
 
-/// An entry of a [`NodeList`].
 #[derive(Clone, Copy)]
 struct ListEntry {
     node: NodeIndex,

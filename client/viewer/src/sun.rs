@@ -17,7 +17,6 @@ use insula_shaders::look::Look;
 use solar_positioning::time::JulianDate;
 use solar_positioning::{Location, RefractionCorrection, SolarPositions};
 
-/// Accepted years.
 const YEARS: std::ops::RangeInclusive<i32> = 1800..=2200;
 /// Terrestrial time minus universal time. A minute more or less moves no shadow visibly.
 const DELTA_T_SECS: f64 = 69.0;

@@ -28,7 +28,6 @@ const ANCHORS_PER_M: f64 = 64.0;
 /// How much light that comes through stones is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Translucency {
-    /// None.
     Off,
     /// Maps of 256 texels a side and 9 taps.
     Fast,

@@ -93,7 +93,6 @@ impl From<ObjectDescription> for ObjectMessage {
 #[serde(rename_all = "camelCase")]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct SchemaMessage {
-    /// Number of objects.
     pub(crate) objects: u32,
     /// Names of attributes by which objects can be coloured.
     pub(crate) color_by: Vec<String>,

@@ -35,7 +35,6 @@ pub enum BlockEvent {
     MemoryHit,
     /// A block was read from disk.
     DiskHit,
-    /// A block was fetched.
     Fetched,
     /// A block could not be written to disk.
     DiskError(io::Error),
@@ -44,11 +43,8 @@ pub enum BlockEvent {
 /// Sizes of a [`BlockCache`].
 #[derive(Debug, Clone)]
 pub struct BlockCacheOptions {
-    /// Length of a block.
     pub block_bytes: u64,
-    /// Memory for blocks.
     pub memory_bytes: u64,
-    /// Folder for blocks on disk.
     pub folder: Option<PathBuf>,
     /// Bytes of all blocks in the folder.
     pub folder_bytes: u64,

@@ -20,7 +20,6 @@ const MAX_LEAVES_BYTES: u64 = 2 << 30;
 /// Largest packed directory.
 const MAX_PACKED_BYTES: u64 = 4 << 20;
 const _: () = assert!(MAX_PACKED_BYTES <= MAX_READ_BYTES);
-/// Most entries of a directory.
 const MAX_DIRECTORY_ENTRIES: u64 = 1 << 20;
 /// Most bytes of an unpacked entry: two numbers of 10 bytes and two of 5.
 const MAX_ENTRY_BYTES: u64 = 30;
@@ -74,7 +73,6 @@ pub(crate) struct DirectoryBudget {
 }
 
 impl DirectoryBudget {
-    /// For a single directory.
     pub(crate) fn of_one() -> Self {
         Self { limit: MAX_DIRECTORY_ENTRIES, entries: MAX_DIRECTORY_ENTRIES }
     }

@@ -18,7 +18,6 @@ use std::time::{Duration, SystemTime};
 
 const CHECKSUM_BYTES: usize = 32;
 const MAX_KEY_BYTES: usize = 200;
-/// Digits of a hash in a key.
 const HASH_DIGITS: usize = 32;
 /// Longest file, however large the cache is.
 const MAX_FILE_BYTES: u64 = MAX_READ_BYTES + CHECKSUM_BYTES as u64;
@@ -52,7 +51,6 @@ struct CacheIndex {
     bytes_to_scan: u64,
 }
 
-/// A file of the cache.
 struct CachedFile {
     used: SystemTime,
     key: String,

@@ -13,9 +13,7 @@ use std::path::{Component, Path, PathBuf};
 /// Length and BLAKE3 hash of what was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileMark {
-    /// Length in bytes.
     pub bytes: u64,
-    /// Hash of all bytes.
     pub hash: blake3::Hash,
 }
 

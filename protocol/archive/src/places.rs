@@ -18,9 +18,7 @@ pub const MAX_SITE_LIST_BYTES: u64 = 64 << 20;
 /// A folder whose files belong to the programs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KeptFolder {
-    /// A baked city.
     City,
-    /// A published site.
     Site,
     /// Results of a bake in steps.
     WorkStore,

@@ -26,9 +26,7 @@ const OSM_ADDRESS: &str = "addr:";
 /// The part that a value has in a text of several values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextPart {
-    /// The street of an address.
     Street,
-    /// The number of a house.
     Number,
     /// The town or quarter of an address in CityGML. In Japan it is the whole address.
     Locality,

@@ -326,7 +326,6 @@ impl BlockMap {
         }
     }
 
-    /// Height codes of one cell.
     fn codes_per_cell(&self) -> f32 {
         f32::from(STEPS_PER_CELL >> self.z_shift)
     }

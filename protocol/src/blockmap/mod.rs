@@ -187,7 +187,6 @@ pub struct BlockMap {
     pub z_max: Vec<u16>,
     /// Colours from above.
     pub roof: Vec<Texel>,
-    /// Normals of the tops.
     pub roof_normal: Vec<u16>,
     /// Azimuths of the walls; 0 for columns that are not exposed.
     pub wall_azimuth: Vec<u8>,

@@ -93,7 +93,6 @@ impl AoTables {
     }
 }
 
-/// `v` in quantisation steps.
 fn quantise(v: i32, step: i32) -> i32 {
     let k = if step == QUARTERS { v.abs() } else { (v.abs() * QUARTERS * 256 + step * ROUND_UP) / (step * 256) };
     if v < 0 { -k } else { k }

@@ -17,7 +17,6 @@ pub struct Voxels {
     rows: usize,
 }
 
-/// The voxels of a column.
 #[derive(Debug, Clone, Default)]
 struct FullRows {
     /// Full rows from the bottom up, which do not meet.

@@ -8,7 +8,6 @@ pub const NO_OBJECT: u32 = u32::MAX;
 
 /// Most objects that a part is compared with before it is named by its place in the list.
 const CANDIDATES: usize = 6;
-/// Contexts of a comparison.
 const CONTEXTS: usize = 12;
 /// Kinds of parts that have models of their own.
 const PARTS: usize = 3;

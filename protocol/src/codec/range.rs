@@ -5,7 +5,6 @@
 //!
 //! Encoder and decoder share the trait [`BitCoder`], so that a format is written down once, as a walk over its values.
 
-/// Bits of a probability.
 const BITS: u32 = 15;
 /// The range is at least this after normalisation.
 const TOP: u32 = 1 << 24;
@@ -133,10 +132,8 @@ pub trait BitCoder {
 /// Whether a flag is the same for all members of a group. If it is, members need no bits of their own.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum GroupFlag {
-    /// Unset for all members.
     #[default]
     Unset,
-    /// Set for all members.
     Set,
     /// Each member has its own bit.
     Mixed,
@@ -156,7 +153,6 @@ impl GroupFlag {
         }
     }
 
-    /// Codes the group's value.
     pub(crate) fn code(self, coder: &mut impl BitCoder, models: &mut [BitModel; 2]) -> Self {
         if coder.bit(&mut models[0], self == Self::Unset) {
             Self::Unset
@@ -167,7 +163,6 @@ impl GroupFlag {
         }
     }
 
-    /// Codes one member's flag.
     #[inline]
     pub(crate) fn bit(self, coder: &mut impl BitCoder, model: &mut BitModel, bit: bool) -> bool {
         match self {

@@ -23,7 +23,6 @@ pub(super) struct ActiveNode {
     pub(super) opposite: u32,
 }
 
-/// All active lists.
 #[derive(Debug)]
 pub(super) struct ActiveLists {
     /// All nodes ever added. Removed nodes keep their index.

@@ -28,7 +28,6 @@ type Value = [i32; 4];
 enum PredictedBy {
     /// The last value, or none.
     LastValue = 0,
-    /// The triangle's first corner.
     FirstCorner = 1,
     /// The shape of the triangle, or its second corner.
     OwnTriangle = 2,

@@ -126,7 +126,6 @@ impl Mesh {
     }
 }
 
-/// How positions are coded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PositionCoder {
     Architectural,

@@ -33,7 +33,6 @@ impl PositionGrid {
         std::array::from_fn(|k| ((position[k] - self.min[k]) / self.step + 0.5).floor().clamp(0.0, last) as u32)
     }
 
-    /// The position of a grid point in metres.
     pub(super) fn position_m(&self, point: [u32; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.min[k] + f64::from(point[k]) * self.step)
     }

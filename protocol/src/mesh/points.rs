@@ -73,7 +73,6 @@ struct PointState {
 pub(super) struct Points {
     states: Vec<PointState>,
     has_dummies: bool,
-    /// Bits of a coordinate.
     bits: u32,
 }
 
@@ -99,7 +98,6 @@ impl Points {
         self.has_dummies
     }
 
-    /// The position as a vector.
     #[inline]
     pub(super) fn vector(&self, vertex: u32) -> Vector4 {
         self.states[vertex as usize].position
@@ -117,7 +115,6 @@ impl Points {
         self.states[vertex as usize].residual = residual;
     }
 
-    /// One grid coordinate.
     #[inline]
     pub(super) fn coordinate(&self, vertex: u32, axis: usize) -> i32 {
         // From 2^23 on, the bits of an f32 count whole numbers. This is faster than a cast, which must handle NaN.
@@ -125,7 +122,6 @@ impl Points {
         (self.states[vertex as usize].position[axis] + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
     }
 
-    /// The grid coordinates.
     #[inline]
     pub(super) fn coordinates(&self, vertex: u32) -> [i32; 3] {
         std::array::from_fn(|axis| self.coordinate(vertex, axis))

@@ -20,7 +20,6 @@ pub(super) const OF_ONE: usize = 3 * DEGREES;
 pub(super) const OF_ONE_PAIR: usize = ANGLES * DEGREES;
 /// First class of vertices that complete more than two triangles.
 pub(super) const FIRST_OF_MANY: usize = OF_ONE + 9 * OF_ONE_PAIR;
-/// Number of classes.
 pub(super) const CLASSES: usize = FIRST_OF_MANY + DEGREES;
 
 /// What classes depend on, apart from the number of completed triangles.
@@ -50,7 +49,6 @@ pub(super) struct Prediction {
     pub(super) products: OuterProduct,
     pub(super) plane: SurfacePlane,
     pub(super) class: usize,
-    /// Number of neighbours.
     pub(super) neighbours: usize,
 }
 

@@ -9,7 +9,6 @@ use crate::manifest::MAX_STONES;
 pub const MAX_LANDMARKS: usize = 64;
 /// Anchors lie within this many metres of the leaf's corner along each axis.
 pub const MAX_ANCHOR_M: f32 = 1e5;
-/// Bytes of an entry.
 const ENTRY_BYTES: usize = 17;
 /// Maximum size of the section in bytes.
 pub(super) const MAX_SECTION_BYTES: usize = MAX_LANDMARKS * ENTRY_BYTES;

@@ -35,7 +35,6 @@ impl Worker {
         DepthMap::bytes(scene.frame.size_px) + scene.places.len() * size_of::<Projected>() + scene.normals.len() * sum
     }
 
-    /// Adds the directions of a pair.
     fn add(&mut self, scene: &PreparedScene, pair: ViewPair) {
         for (place, projected) in scene.places.iter().zip(&mut self.projected) {
             *projected = project(*place, pair, scene.frame);

@@ -75,13 +75,11 @@ struct TexelBox {
 }
 
 impl DepthMap {
-    /// An empty map.
     pub(crate) fn new(size_px: u32) -> Self {
         let groups_per_row = (size_px as usize).div_ceil(LANES);
         Self { size_px, groups_per_row, groups: vec![EMPTY; groups_per_row * size_px as usize] }
     }
 
-    /// Bytes of a map.
     pub(crate) fn bytes(size_px: u32) -> usize {
         (size_px as usize).div_ceil(LANES) * size_px as usize * size_of::<TexelGroup>()
     }
@@ -184,7 +182,6 @@ impl DepthMap {
 }
 
 impl TexelGroup {
-    /// Adds depths at texels that are inside.
     #[inline(always)]
     fn add(&mut self, inside: BVec4A, depth: Vec4) {
         self.near = self.near.max(Vec4::select(inside, depth, EMPTY.near));

@@ -17,7 +17,6 @@ pub(crate) struct VertexSum {
     pub(crate) all: u32,
 }
 
-/// Sums of all vertices.
 #[derive(Debug, Default)]
 pub(crate) struct OcclusionSums {
     pub(crate) shares: Vec<VertexSum>,
@@ -55,7 +54,6 @@ impl OcclusionSums {
         self
     }
 
-    /// The occlusion of a scene's vertices.
     pub(crate) fn finish(&self, scene: &PreparedScene, has_bent: bool) -> Occlusion {
         let share =
             |sum: &VertexSum| if sum.all == 0 { 1.0 } else { (f64::from(sum.visible) / f64::from(sum.all)) as f32 };

@@ -44,7 +44,6 @@ fn join(parts: &[(Positions, Triangles)]) -> (Positions, Triangles) {
     all
 }
 
-/// A sphere of `n` rows.
 fn sphere(n: u32) -> (Positions, Triangles) {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for i in 0..=n {

@@ -16,7 +16,6 @@ pub(crate) const MAX_SLOPE: f32 = 100.0;
 /// By how much products of two unit vectors are shifted to give cosines.
 pub(crate) const COSINE_SHIFT: u32 = 2 * UNIT_SHIFT - COSINE_BITS;
 
-/// The place of a vertex in the maps of a pair.
 #[inline(always)]
 pub(crate) fn project(place: [i32; 3], pair: ViewPair, frame: MapFrame) -> Projected {
     let (shift, middle) = (frame.product_shift(), frame.middle());

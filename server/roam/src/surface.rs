@@ -52,7 +52,6 @@ pub fn triangulate_region<S: HeightSource>(
     Ok(mesh)
 }
 
-/// Vertices of the places in a tile.
 struct TileVertices {
     side: u32,
     corner: Place,

@@ -72,7 +72,6 @@ impl<'a> Tile<'a> {
         deviation(self.field, corners, self.limit_m) > self.limit_m
     }
 
-    /// A diamond's triangles in the tile.
     fn triangles(&self, diamond: Diamond) -> impl Iterator<Item = Corners> + use<> {
         let (corner, side) = (self.corner, self.side);
         let is_inside = move |p: &Place| (0..2).all(|axis| (corner[axis]..=corner[axis] + side).contains(&p[axis]));

@@ -35,7 +35,6 @@ impl HeightScale {
         ((z_m - self.base_m) / STEP_M) as f32
     }
 
-    /// Metres of one code.
     pub(crate) fn code_m(&self) -> f32 {
         STEP_M as f32
     }

@@ -114,7 +114,6 @@ impl<S: Simd> Horizons<S> {
     }
 }
 
-/// Codes as numbers.
 #[inline(always)]
 fn floats<S: Simd>(simd: S, codes: [u16; LANES]) -> f32x8<S> {
     // A loop: `map` of an array is compiled without the instruction set, as calls for each of its elements.

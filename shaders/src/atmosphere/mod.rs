@@ -40,7 +40,6 @@ pub(crate) const PHASE_SCALE: f32 = (1.0 - MIE_G * MIE_G) / (4.0 * std::f32::con
 const MIE_ISOTROPIC: f64 = 0.42;
 /// Part of the turbidity's extinction that these particles have.
 const MIE_SHARE: f64 = 0.5;
-/// Albedo of the ground.
 const GROUND: f64 = 0.25;
 /// With the sun below the horizon, the last light comes along the horizon: the least sine of the sun's height.
 const SUN_LOW: f64 = 0.001;
@@ -243,7 +242,6 @@ impl AirRay {
     }
 }
 
-/// A step of a ray.
 struct RayPoint {
     height_m: f64,
     sun_z: f64,

@@ -63,7 +63,6 @@ impl OpenDevice {
 /// Why the device delivered nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
-    /// No device works.
     #[error("no graphics device can be used ({0}): install a driver")]
     NoDevice(String),
     /// More nodes than the [`Capacity`] allows.

@@ -6,7 +6,6 @@
 
 use std::ops::Range;
 
-/// Most triangles of a leaf.
 const LEAF_TRIANGLES: usize = 3;
 /// Bins along an axis, between which a set may be split.
 const BINS: usize = 16;
@@ -26,7 +25,6 @@ pub(super) struct BvhChild {
     pub(super) triangles: Range<u32>,
 }
 
-/// The hierarchy.
 #[derive(Debug)]
 pub(super) struct Bvh {
     pub(super) pairs: Vec<[BvhChild; 2]>,

@@ -22,7 +22,6 @@ pub struct LandmarkBounds {
     pub high_m: [f32; 3],
 }
 
-/// The landmarks of a mesh.
 #[derive(Debug, Default)]
 pub(super) struct PackedLandmarks {
     /// By number: 1 + number of the stone, and the pattern's origin.

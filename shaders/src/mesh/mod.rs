@@ -49,9 +49,7 @@ pub(crate) const TEXTURE_TILE_PX: u32 = 64;
 pub(crate) const LEAF_OFFSET_STEPS: f32 = 1024.0;
 /// Where the number of triangles begins in a reference.
 pub(crate) const REFERENCE_COUNT_SHIFT: u32 = 30;
-/// The place in a reference.
 pub(crate) const REFERENCE_MASK: u32 = (1 << REFERENCE_COUNT_SHIFT) - 1;
-/// Vec4s of the head.
 pub(crate) const HEAD_VEC4S: u32 = 3;
 /// Vec4s of a landmark's entry behind the head.
 pub(crate) const LANDMARK_VEC4S: u32 = 1;
@@ -61,7 +59,6 @@ pub(crate) const LANDMARK_COUNT_SHIFT: u32 = 8;
 pub(crate) const LEVELS_MASK: u32 = (1 << LANDMARK_COUNT_SHIFT) - 1;
 /// Set in the last word of a landmark's triangle if its corners carry occlusion. The other bits are 1 + the number of the entry.
 pub(crate) const LANDMARK_OCCLUSION_BIT: u32 = 1 << 31;
-/// Vec4s of a page.
 const PAGE_VEC4S: usize = PAGE_WORDS / 4;
 
 /// Estimated number of pages of a mesh.
@@ -101,7 +98,6 @@ pub struct PackedMesh {
     /// Pages of [`PAGE_WORDS`] words. The head is at the beginning of the first.
     #[serde(with = "words::pages")]
     pub pages: Vec<Page>,
-    /// Number of triangles.
     pub triangles: u32,
     /// Words that hold references.
     references: Vec<u32>,
@@ -111,7 +107,6 @@ pub struct PackedMesh {
     pub z_m: [f32; 2],
     /// The objects, if it has some.
     pub objects: Option<PackedObjects>,
-    /// Its landmarks.
     pub landmarks: Vec<LandmarkBounds>,
 }
 

@@ -67,7 +67,6 @@ pub enum Veins {
     Broad,
     /// Sharp and thin.
     Fine,
-    /// Both.
     Both,
 }
 

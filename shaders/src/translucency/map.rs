@@ -26,7 +26,6 @@ pub const FAST_TAPS: u32 = 9;
 pub const FINE_TAPS: u32 = 21;
 /// Rings are not wider than this many transport lengths beyond the thickness.
 const REACH: f32 = 3.0;
-/// Least reach in texels.
 const MIN_REACH_TEXELS: f32 = 6.0;
 
 /// Words of the level whose width is `px`.

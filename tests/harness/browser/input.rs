@@ -13,7 +13,6 @@ const PRESS_MS: u64 = 10;
 const DOUBLE_CLICK_MS: u64 = 100;
 const APART_MS: u64 = 2000;
 
-/// A button of the mouse.
 #[derive(Debug, Clone, Copy)]
 pub enum Button {
     Left,
@@ -62,7 +61,6 @@ impl Page {
         Ok(())
     }
 
-    /// Drags with a button held.
     pub fn drag(&self, button: Button, from: [f64; 2], to: [f64; 2]) -> Result<()> {
         let held = json!({ "button": button.name(), "clickCount": 1 });
         self.mouse("mouseMoved", from, &Value::Null)?;
@@ -101,7 +99,6 @@ impl Page {
         self.call("Input.dispatchKeyEvent", params).map(drop)
     }
 
-    /// Releases a key.
     pub fn key_up(&self, key: &str) -> Result<()> {
         let mut params = key_params(key)?;
         params["type"] = "keyUp".into();

@@ -40,7 +40,6 @@ impl Page {
         Ok(page)
     }
 
-    /// Calls a method of the protocol for the page.
     pub fn call(&self, method: &str, params: Value) -> Result<Value> {
         self.connection.call(&self.session, method, params)
     }

@@ -32,7 +32,6 @@ pub struct Request {
     pub end_s: Option<f64>,
 }
 
-/// The log of a page.
 #[derive(Debug, Default)]
 pub struct PageLog {
     /// Sessions of the page, which is the first, and its workers.

@@ -26,7 +26,6 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "goog
 /// Tries to remove the folder, into which the ended processes may still write.
 const REMOVALS: usize = 20;
 
-/// The program.
 pub(super) fn find() -> Option<PathBuf> {
     match std::env::var_os("INSULA_CHROMIUM").filter(|path| !path.is_empty()) {
         Some(path) => Some(path.into()),
@@ -59,7 +58,6 @@ impl ChromiumProcess {
         Ok((Self { child, folder: Some(folder) }, input, output))
     }
 
-    /// Its process group.
     pub(super) fn group(&self) -> u32 {
         self.child.id()
     }

@@ -55,7 +55,6 @@ pub struct Mesh {
     pipeline: wgpu::RenderPipeline,
     view: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
-    /// Number of triangles.
     pub triangles: u64,
 }
 

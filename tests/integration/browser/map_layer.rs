@@ -55,7 +55,6 @@ const find = async isIt => {
 globalThis.tools = { idle, show, ground, beyond, box, place, find };
 })()";
 
-/// A page with the map.
 struct MapPage {
     page: Page,
     site: ExampleSite,
@@ -80,7 +79,6 @@ impl MapPage {
         self.page.wait_for("layer.isFinal && map.loaded()", FINAL)
     }
 
-    /// Replaces the features of a source.
     fn show(&self, source: &str, features: &str) -> Result<()> {
         self.page.evaluate(&format!("(async () => tools.show('{source}', {features}))()"))?;
         self.page.wait_for("tools.idle()", REACTION)

@@ -278,7 +278,6 @@ impl Client {
         self.lines().iter().skip(after).any(|line| line.contains(FRAME) || line.contains(SETTLED))
     }
 
-    /// Takes a screenshot.
     pub(super) fn screenshot(&self, name: &str) -> Result<RgbImage> {
         let path = self.screenshots.join(format!("{name}.png"));
         self.tool("import", &["-window", &self.window, &path.to_string_lossy()])?;

@@ -11,7 +11,6 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-/// A city in the bucket.
 #[derive(Debug)]
 pub struct BucketCity {
     /// `s3://BUCKET/PATH`, for `insula-server serve`.

@@ -35,7 +35,6 @@ pub struct HostFaults {
     range_requests: AtomicU64,
 }
 
-/// A running host.
 #[derive(Debug)]
 pub struct FaultyHost {
     address: SocketAddr,

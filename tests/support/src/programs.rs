@@ -22,7 +22,6 @@ pub fn program(name: &str) -> Result<PathBuf> {
     found.with_context(|| format!("{name} is missing: run cargo build --workspace first, or cargo test --workspace"))
 }
 
-/// The path of an installed program.
 pub fn find_installed(name: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(name)).find(|path| path.is_file())
 }
@@ -108,7 +107,6 @@ impl ServerProcess {
         Ok(Self { child, stdout, address: address.parse()? })
     }
 
-    /// Its process id.
     pub fn pid(&self) -> u32 {
         self.child.id()
     }

@@ -9,7 +9,6 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Version of the city.
 pub const VERSION: &str = "0123456789abcdef";
 
 /// The root's only child.
@@ -33,7 +32,6 @@ pub fn blockmap(id: TileId) -> Vec<u8> {
     BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
 }
 
-/// Writes a tile archive.
 pub fn write_archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
     let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None);
     let mut writer = writer.create(File::create(path).unwrap()).unwrap();
@@ -62,7 +60,6 @@ pub fn subtree() -> Vec<u8> {
     Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)], ..Subtree::default() }.encode().unwrap()
 }
 
-/// The manifest of the city.
 pub fn manifest(name: &str) -> Manifest {
     Manifest {
         format_version: FORMAT_VERSION,
@@ -131,7 +128,6 @@ pub fn meshes() -> Vec<(u8, Vec<u8>)> {
     (0..2).map(|lod| (lod, tile(lod).encode(child(), lod).unwrap())).collect()
 }
 
-/// Writes the city with meshes.
 pub fn write_city_with_meshes(folder: &Path, name: &str) {
     write_city(folder, name);
     let place = |lod| mesh_tile::archive_id(child(), lod).unwrap();
@@ -172,7 +168,6 @@ pub fn temporary_city() -> tempfile::TempDir {
     folder
 }
 
-/// As [`temporary_city`], with meshes.
 pub fn temporary_city_with_meshes() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     write_city_with_meshes(folder.path(), "two");

@@ -6,14 +6,12 @@ use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_shaders::layout::{ADDED_LEVEL, DrawNode, PAGE_WORDS};
 
-/// The resident meshes of additions.
 #[derive(Debug, Default)]
 pub(super) struct ResidentAdditions {
     /// With the world positions that they are relative to.
     meshes: Vec<(DVec3, CachedMesh)>,
     /// A page of zeros: columns without anything in them, from which these meshes have no occlusion.
     blank_page: u32,
-    /// Number of all their pages.
     pages: u32,
     is_shown: bool,
 }

@@ -45,7 +45,6 @@ pub trait Upload {
 pub struct CachedNode {
     /// Atlas pages, planes first.
     pub pages: Vec<u32>,
-    /// Slot of its summary.
     pub slot: u32,
     /// Side of a column.
     pub cell_m: f32,
@@ -70,7 +69,6 @@ pub struct CachedNode {
 /// A resident mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CachedMesh {
-    /// Page that holds its header.
     pub head_page: u32,
     pub triangles: u32,
     /// Lowest and highest point above the city's origin, in metres.
@@ -362,7 +360,6 @@ impl AtlasCache {
         self.pages.count()
     }
 
-    /// Number of free pages.
     pub(crate) fn free_pages(&self) -> u32 {
         self.pages.free()
     }

@@ -30,7 +30,6 @@ impl PagePool {
         self.count - self.free()
     }
 
-    /// Size of the pool.
     pub(super) fn count(&self) -> u32 {
         self.count
     }

@@ -56,7 +56,6 @@ fn id(x: u32) -> TileKey {
     TileKey::block_map(TileId::new(10, x, 0).unwrap())
 }
 
-/// A mesh that takes `pages` pages.
 fn mesh(pages: u32) -> PackedTile {
     let grid = PositionGrid { min: [0.0; 3], step: 1.0, bits: 8 };
     let triangle = Mesh {

@@ -19,7 +19,6 @@ pub enum FilteredOut {
     /// Drawn in a pale colour.
     #[default]
     Ghost,
-    /// Not drawn.
     Hide,
     /// Drawn as without a filter; those that pass have the highlight's colour.
     Keep,

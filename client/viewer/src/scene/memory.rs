@@ -44,7 +44,6 @@ pub(super) fn listing_subtree(id: TileId) -> TileId {
 }
 
 impl TreeMemory {
-    /// Adds a node of `bytes`.
     pub(super) fn add_node(&mut self, id: TileId, bytes: usize) {
         self.add_bytes(id, bytes).nodes.push(id);
     }

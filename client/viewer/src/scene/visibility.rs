@@ -16,12 +16,10 @@ pub(super) struct VisibilityTiles {
 }
 
 impl VisibilityTiles {
-    /// State of a tile.
     pub(super) fn state(&self, id: TileId) -> TileRecord {
         self.states.get(&id).copied().unwrap_or_default()
     }
 
-    /// Applies an event to a tile.
     pub(super) fn apply(&mut self, id: TileId, event: TileEvent) -> bool {
         if self.states.len() > 64 * CAPACITY {
             self.states.retain(|_, tile| tile.is_resident());

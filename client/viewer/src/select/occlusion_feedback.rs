@@ -40,7 +40,6 @@ pub enum Visibility {
 pub struct OcclusionQuery {
     /// In the order of the ray-caster's nodes. A node that is drawn more than once is listed more than once.
     pub nodes: Vec<NodeIndex>,
-    /// View of the frame.
     pub view: View,
     /// Number of the frame's draw list.
     pub generation: u64,

@@ -9,7 +9,6 @@ pub(super) const MIN_DISTANCE_M: f64 = 1.0;
 /// Projects world-space errors to pixels, for one view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorMetric {
-    /// Position of the eye.
     pub eye: DVec3,
     /// Pixels that a metre covers at a distance of one metre: `height_px / (2 tan(fov_y / 2))`.
     pub focal_px: f64,

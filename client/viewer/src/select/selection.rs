@@ -39,7 +39,6 @@ pub struct Selection {
 /// Counts of one selection.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SelectionStats {
-    /// Visited nodes.
     pub visited: u32,
     /// Children outside the frustum.
     pub culled: u32,

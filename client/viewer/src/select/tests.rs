@@ -130,7 +130,6 @@ fn refuse(tree: &mut SceneTree, key: TileKey) {
     apply_all(tree, key, &[TileEvent::Want { now: NOW }, TileEvent::Start, TileEvent::Refuse]);
 }
 
-/// Selects with occlusion feedback.
 fn select_with(view: &View, tree: &SceneTree, feedback: &OcclusionFeedback) -> Selection {
     select(view, tree, feedback, &mut SelectionScratch::default())
 }

@@ -82,7 +82,6 @@ pub(super) fn visit_tree(ctx: &SelectionContext<'_>, scratch: &mut SelectionScra
 /// The budget of pages or nodes has no room for a refinement.
 struct BudgetExceeded;
 
-/// A node that is to be visited.
 #[derive(Clone, Copy)]
 struct FoundNode {
     node: NodeIndex,
@@ -287,7 +286,6 @@ impl Visitor<'_> {
         Ok(())
     }
 
-    /// Adds the children of a visited node.
     fn push_children(&mut self, visit: u32, children: impl Iterator<Item = FoundNode>) {
         let first = self.scratch.visits.len() as u32;
         children.for_each(|child| self.push(child));

@@ -17,7 +17,6 @@ pub struct SelectionScratch {
     stack: Vec<(u32, Option<Cover>)>,
 }
 
-/// A visited node.
 #[derive(Debug, Clone)]
 pub(super) struct Visit {
     pub(super) node: NodeIndex,

@@ -19,7 +19,6 @@ const RECHECK_PAUSE: Duration = Duration::from_secs(20);
 /// Outcome of one request.
 #[derive(Debug)]
 pub struct FetchOutcome {
-    /// The requested tile.
     pub key: TileKey,
     /// The number that [`TileFetcher::start`] was given.
     pub ticket: u64,

@@ -11,7 +11,6 @@ const MIN_WANTED_SHARE: f64 = 0.6;
 /// Bytes that count as one request towards the number in flight.
 const REQUEST_BYTES: u64 = 4096;
 
-/// One request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PlannedRequest {
     /// `None` for a single tile.
@@ -23,7 +22,6 @@ pub(super) struct PlannedRequest {
 }
 
 impl PlannedRequest {
-    /// A request for one tile.
     pub(super) fn single(key: TileKey) -> Self {
         Self { group: None, keys: vec![key], weight: 1 }
     }

@@ -29,7 +29,6 @@ pub(super) struct RequestPolicy<'a, F> {
     pub(super) gate: &'a OcclusionGate,
     /// View of the last selection; `None` before the first feedback.
     pub(super) view: Option<&'a View>,
-    /// Requested tau, in pixels.
     pub(super) tau_px: f64,
     pub(super) now: Duration,
 }
@@ -50,7 +49,6 @@ pub(super) enum RequestPhase {
 }
 
 impl<F: TileFetcher> RequestPolicy<'_, F> {
-    /// The tiles of `wanted` that are requested in a phase.
     pub(super) fn choose(&self, wanted: &[TileRequest], phase: RequestPhase) -> Vec<TileRequest> {
         match phase {
             RequestPhase::BeforeFeedback => self.before_feedback(wanted),

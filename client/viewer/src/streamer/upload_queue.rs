@@ -10,7 +10,6 @@ use std::collections::{HashSet, VecDeque};
 use std::ops::Range;
 use std::time::Duration;
 
-/// Bandwidth of uploads.
 const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
 /// Least and most bytes that a frame may upload, whatever its duration. Its last tile may exceed them.
 const FRAME_BYTES: Range<f64> = 8e6..64e6;

@@ -16,7 +16,6 @@ pub(crate) struct Bindings {
     pub(crate) types: BTreeMap<String, Vec<u8>>,
 }
 
-/// Binds a module.
 pub(crate) fn bind(wasm: &Path) -> Result<Bindings, BundleError> {
     // `Bindgen` would call it "could not read input".
     fs::metadata(wasm).map_err(BundleError::io(wasm))?;

@@ -62,7 +62,6 @@ struct Joiner<'a> {
     out: String,
 }
 
-/// A module in parts.
 #[derive(Default)]
 struct Module {
     /// What each import takes, and the file that it takes it from.
@@ -188,7 +187,6 @@ fn without_line_ends(script: &str) -> String {
     out
 }
 
-/// A line without the types in it.
 fn without_types(mut line: &str) -> String {
     let mut out = String::with_capacity(line.len());
     while let Some((before, after)) = line.split_once("/** @type ") {
@@ -301,12 +299,8 @@ mod tests {
     #[test]
     fn what_cannot_be_joined_is_an_error() {
         for text in [
-            "import { a } from './missing.js';",
-            "import a from './b.js';",
-            "import { a } from 'react';",
-            "export default 1;",
-            "export let a = 1;",
-            "import { a }",
+            "import { a } from './missing.js';", "import a from './b.js';", "import { a } from 'react';",
+            "export default 1;", "export let a = 1;", "import { a }",
         ] {
             assert!(join(files(&[("app.js", text), ("b.js", "")])).is_err(), "{text}");
         }

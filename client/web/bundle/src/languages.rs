@@ -137,7 +137,6 @@ mod tests {
         }
     }
 
-    /// Each language of the page has each text.
     #[test]
     fn languages_of_the_page_are_complete() {
         fn keys(value: &Value, key: &str, into: &mut Vec<String>) {

@@ -25,7 +25,6 @@ pub fn start() {
 /// Writes events of at least level WARN. Spans are ignored.
 struct Console;
 
-/// The message of an event.
 struct Message(String);
 
 impl Visit for Message {

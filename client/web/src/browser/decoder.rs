@@ -17,7 +17,6 @@ pub fn decode_tile(key: &[u32], bytes: &[u8]) -> Result<Vec<u8>, JsError> {
     transfer::decode_to_bytes(key, bytes).map_err(|error| JsError::new(&error.to_string()))
 }
 
-/// The numbers of a tile's key for [`decode_tile`].
 pub(crate) fn key_numbers(key: TileKey) -> [u32; 5] {
     let kind = if key == TileKey::block_map(key.id) { 0 } else { 2 };
     [kind, u32::from(key.id.level()), key.id.x(), key.id.y(), u32::from(key.lod)]

@@ -15,7 +15,6 @@ use web_sys::OffscreenCanvas;
 /// Reason of a browser that has WebGPU but nothing that computes it.
 const NO_ADAPTER: &str = "no graphics adapter";
 
-/// A canvas that a GPU draws on.
 #[derive(Debug)]
 pub(crate) struct GpuCanvas {
     canvas: OffscreenCanvas,
@@ -65,7 +64,6 @@ impl GpuCanvas {
         Ok(Self { canvas, surface, config, compose, adapter, lost })
     }
 
-    /// Name of the device.
     pub(crate) fn name(&self) -> String {
         let name = self.adapter.device.info().name;
         if name.is_empty() { "WebGPU".into() } else { format!("WebGPU, {name}") }

@@ -10,7 +10,6 @@ use std::time::Duration;
 use wasm_bindgen::JsCast;
 use wasm_bindgen_futures::JsFuture;
 
-/// The browser's network.
 #[derive(Debug)]
 pub(crate) struct BrowserTransport {
     host: Host,

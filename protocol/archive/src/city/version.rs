@@ -13,7 +13,6 @@ use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
-/// Bytes of a tile's hash.
 const TILE_HASH_BYTES: usize = 16;
 
 /// The hash of an archive: of the hashes of its tiles in the order of their bytes, equal ones once, and of what is before and after

@@ -14,7 +14,6 @@ use std::collections::BTreeMap;
 const TEXT_PER_ROW: u8 = 0;
 const DISTINCT_TEXTS: u8 = 1;
 
-/// The values of one attribute.
 #[derive(Debug, Clone)]
 pub(super) struct AttributeColumn {
     /// Index in the schema.
@@ -23,7 +22,6 @@ pub(super) struct AttributeColumn {
     pub(super) values: Values,
 }
 
-/// Values of the rows that have one.
 #[derive(Debug, Clone)]
 pub(super) enum Values {
     Text { list: TextList, indices: Vec<u16> },
@@ -34,7 +32,6 @@ pub(super) enum Values {
 }
 
 impl AttributeColumn {
-    /// The value of a row of the block.
     pub(super) fn value(&self, row: usize) -> Option<ValueRef<'_>> {
         let at = self.rows.rank(row)?;
         match &self.values {

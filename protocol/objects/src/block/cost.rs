@@ -14,7 +14,6 @@ const SYMBOL_OVERHEAD: Cost = bits(2);
 /// Bits in 1/65536.
 pub(super) type Cost = u64;
 
-/// The cost of a number of bits.
 pub(super) const fn bits(bits: u64) -> Cost {
     bits << FRACTION
 }

@@ -144,13 +144,11 @@ impl ObjectBlock {
         self.value_ref(self.row(id)?, attribute).map(ValueRef::to_value)
     }
 
-    /// The value of an attribute in a row.
     pub(crate) fn value_ref(&self, row: usize, attribute: u32) -> Option<ValueRef<'_>> {
         let at = self.columns.binary_search_by_key(&attribute, |column| column.attribute).ok()?;
         self.columns.get(at)?.value(row)
     }
 
-    /// The row of an object.
     pub(crate) fn row(&self, id: u32) -> Option<usize> {
         self.ids.binary_search(&id).ok()
     }

@@ -13,7 +13,6 @@ use std::collections::{BTreeSet, VecDeque};
 
 /// Number of earlier columns to which a column can refer.
 const MAX_HISTORY: usize = 64;
-/// Cost of a column's header.
 const HEADER: Cost = bits(24);
 /// Cost of each byte before compression, because zstd comes close to the entropy of columns only. Measured with 3DBAG.
 const RAW_BYTE: Cost = bits(1) / 2;
@@ -23,7 +22,6 @@ const RAW_BYTE: Cost = bits(1) / 2;
 enum Transform {
     /// Zero.
     Plain = 0,
-    /// The previous value.
     Previous = 1,
     /// The same row of an earlier column.
     Earlier = 2,

@@ -63,7 +63,6 @@ const KNOWN: u8 = 2;
 const MAX_KNOWN: usize = (u8::MAX - KNOWN) as usize;
 
 impl RowSets {
-    /// Sets of a block of `count` rows.
     pub(super) fn new(count: usize) -> Self {
         Self { known: Vec::new(), count }
     }

@@ -6,7 +6,6 @@ use crate::block::ObjectBlock;
 use crate::value::{Value, ValueRef, civil_from_days, parse_date};
 use std::cmp::Ordering;
 
-/// The row of an object in a block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ObjectRow<'a> {
     pub(super) block: &'a ObjectBlock,
@@ -40,7 +39,6 @@ impl<'a> ObjectInFamily<'a> {
     }
 }
 
-/// A condition.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Expression {
     All(Vec<Expression>),
@@ -69,7 +67,6 @@ pub(super) enum Expression {
 pub(super) enum Operand {
     Source(Source),
     Constant(Value),
-    /// The year of a date.
     Year(Box<Operand>),
 }
 

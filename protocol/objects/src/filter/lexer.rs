@@ -23,7 +23,6 @@ pub(super) enum Token {
 /// Longer symbols first.
 const SYMBOLS: [&str; 15] = ["==", "!=", "<=", ">=", "&&", "||", "<", ">", "~", "!", "(", ")", ",", "-", "="];
 
-/// All tokens of a text.
 pub(super) fn tokens(text: &str) -> Result<Vec<Positioned>, Fault> {
     let mut tokens = Vec::new();
     let mut rest = text;

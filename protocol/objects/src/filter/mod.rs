@@ -180,7 +180,6 @@ impl Source {
         if field == Some(Self::Height) && !is_number { field } else { attribute.or(field) }
     }
 
-    /// The value of the object in a row.
     pub(crate) fn value(self, block: &ObjectBlock, id: u32, row: usize) -> Option<ValueRef<'_>> {
         match self {
             Self::Attribute(attribute) => block.value_ref(row, attribute),

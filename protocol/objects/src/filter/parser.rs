@@ -7,7 +7,6 @@ use crate::kind::FeatureKind;
 use crate::schema::Schema;
 use crate::value::{Value, ValueType, parse_date};
 
-/// Parses all of a text.
 pub(super) fn parse(text: &str, schema: &Schema) -> Result<Expression, Fault> {
     let mut parser =
         Parser { tokens: tokens(text)?.into_iter().peekable(), end: text.len(), schema, depth: 0, is_compared: false };

@@ -52,7 +52,6 @@ pub struct Schema {
 pub struct AttributeInfo {
     /// 1 to [`MAX_NAME_BYTES`] bytes.
     pub name: String,
-    /// The type of all its values.
     #[serde(rename = "type")]
     pub value_type: ValueType,
     /// Unit of its numbers, such as `m`.

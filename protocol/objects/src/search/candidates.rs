@@ -54,7 +54,6 @@ impl Clause {
         lists.iter().chain(tokens.iter().map(|token| &token.lists))
     }
 
-    /// Bytes of the lists.
     fn bytes(&self) -> u64 {
         self.ranges().map(length).sum()
     }
@@ -64,7 +63,6 @@ fn length(range: &Range<u64>) -> u64 {
     range.end - range.start
 }
 
-/// The clauses of `word`.
 fn word_clauses(word: &QueryWord, words: &Words<'_>, typos: bool, clauses: &mut Vec<Clause>) {
     let typos = typos && word.may_have_typo;
     if !word.has_cjk {
@@ -95,7 +93,6 @@ fn word_clauses(word: &QueryWord, words: &Words<'_>, typos: bool, clauses: &mut 
 
 /// Reads lists into sets.
 pub(super) struct Candidates<'a> {
-    /// All lists.
     pub(super) lists: &'a [u8],
     pub(super) entries: u32,
     /// Bytes that may still be read.

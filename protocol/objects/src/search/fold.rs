@@ -110,7 +110,6 @@ pub(super) fn is_start(before: char, c: char) -> bool {
     c != SEPARATOR && (before == SEPARATOR || is_cjk(c) || is_cjk(before))
 }
 
-/// The weak forms as a string.
 pub(super) fn weak_string(glyphs: impl IntoIterator<Item = Glyph>) -> String {
     glyphs.into_iter().map(|glyph| glyph.weak).collect()
 }

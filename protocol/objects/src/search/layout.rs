@@ -42,7 +42,6 @@ pub(super) struct Sections<'a> {
     pub(super) lists: Section<'a>,
 }
 
-/// The bytes of a section.
 pub(super) struct Section<'a> {
     pub(super) bytes: &'a mut dyn Read,
     pub(super) length: u64,
@@ -62,12 +61,10 @@ impl Section<'_> {
 }
 
 impl Sections<'_> {
-    /// Bits of the number of an object.
     fn object_bits(&self) -> u32 {
         if self.entries == 0 { 0 } else { u32::BITS - self.max_object.leading_zeros() }
     }
 
-    /// Size of the index in bytes.
     pub(super) fn size_bytes(&self) -> u64 {
         let objects = (u64::from(self.entries) * u64::from(self.object_bits())).div_ceil(8);
         let sections = self.texts.length + self.dictionary.length + self.lists.length;

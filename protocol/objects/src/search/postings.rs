@@ -115,7 +115,6 @@ impl EntrySet {
         }
     }
 
-    /// Number of entries.
     pub(super) fn len(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
     }

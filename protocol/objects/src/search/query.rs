@@ -23,7 +23,6 @@ impl Typed {
     }
 }
 
-/// A word of a query.
 #[derive(Debug)]
 pub(super) struct QueryWord {
     /// The word as typed, and other spellings of it.
@@ -53,7 +52,6 @@ impl QueryWord {
         }
     }
 
-    /// The weak forms of all spellings.
     pub(super) fn weak_spellings(&self) -> impl Iterator<Item = String> + '_ {
         self.spellings.iter().map(|spelling| weak_string(spelling.iter().map(|typed| typed.glyph)))
     }

@@ -11,7 +11,6 @@ use crate::error::DecodeError;
 pub(crate) use model::SymbolModel;
 use model::{Interval, find, find_out_of_line, interval};
 
-/// Bits of a probability.
 const BITS: u32 = 15;
 /// Probability 1.
 const ONE: u32 = 1 << BITS;
@@ -81,7 +80,6 @@ pub(crate) trait SymbolCoder {
     }
 }
 
-/// One coded symbol.
 #[derive(Debug, Clone, Copy)]
 struct CodedSymbol {
     start: u16,

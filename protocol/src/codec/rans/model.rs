@@ -88,7 +88,6 @@ impl<const N: usize> Default for SymbolModel<N> {
     }
 }
 
-/// The interval of `symbol`.
 #[inline(always)]
 pub(super) fn interval<const N: usize>(starts: &[i16; N], symbol: usize) -> Interval {
     let start = starts[symbol] as u32;

@@ -43,7 +43,6 @@ fn load_level(tree: &mut SceneTree, level: u8) {
     ids.into_iter().for_each(|id| load(tree, TileKey::block_map(id)));
 }
 
-/// A tree with all tiles.
 fn loaded_tree() -> SceneTree {
     let mut tree = tree();
     (0..=DEPTH).for_each(|level| load_level(&mut tree, level));
