@@ -47,7 +47,6 @@ pub const THUMBNAIL_PX: [u32; 2] = [1280, 720];
 /// An address of the server. Its `Display` is the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Route<'a> {
-    /// The page for people.
     Index,
     /// The description of the HTTP interface.
     OpenApi,
@@ -336,7 +335,6 @@ fn parse_tileset<'a>(city: &'a str, file: &'a str) -> Result<Route<'a>, RouteErr
     Ok(Route::TilesetFile { city, version, kind, id })
 }
 
-/// Parses the numbers of a node.
 fn parse_node(level: &str, x: &str, y: &str) -> Option<TileId> {
     TileId::new(u8::try_from(parse_number(level)?).ok()?, parse_number(x)?, parse_number(y)?)
 }

@@ -90,7 +90,6 @@ fn centimetres(metres: f32) -> u16 {
 pub struct MeshLod {
     /// Largest distance from the source's surface in metres, never above that of the next coarser level of detail.
     pub error_m: f32,
-    /// Size of its tile.
     pub bytes: u32,
     /// Number of triangles, at least 1.
     pub triangles: u32,

@@ -105,7 +105,6 @@ impl VisibilityTile {
         1 << (self.depth - self.id.level())
     }
 
-    /// Cells along a side of the tile.
     fn cells_across(&self) -> usize {
         self.side() as usize + 2
     }

@@ -31,7 +31,6 @@ pub(crate) const CONTACT_REACH: f32 = 1.5;
 pub(crate) const CONTACT_GAIN: f32 = 1.3;
 
 impl ComposeUniform {
-    /// The settings for composing a frame on a target.
     pub(crate) fn new(frame: &FrameUniform, frame_px: [u32; 2], target_px: [u32; 2]) -> Self {
         let [forward, right, up] = [frame.forward, frame.right, frame.up].map(Vec3::from);
         // A frame is wider or narrower than its direction's unit vector where it is a part of another one.

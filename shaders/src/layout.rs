@@ -16,7 +16,6 @@ use insula_protocol::NODE_CELLS;
 pub const PLANES: usize = 4;
 /// Page of the words that the walk reads: heights and flags.
 pub(crate) const WALK_PLANE: usize = 0;
-/// Page of the roofs' texels.
 pub(crate) const ROOF_PLANE: usize = 1;
 /// Page of the roof normals and the clipping planes.
 pub(crate) const ATTRIBUTE_PLANE: usize = 2;
@@ -77,7 +76,6 @@ pub const GRID_SHARE_SHIFT: u32 = 20;
 pub(crate) const GRID_SHARE_MASK: u32 = FADE_RAYS - 1;
 /// Most nodes of a grid.
 pub const GRID_NODES: usize = 1 << GRID_SHARE_SHIFT;
-/// The node's index in a grid entry.
 pub(crate) const GRID_NODE_MASK: u32 = GRID_NODES as u32 - 1;
 /// Number of thresholds of rays. Each ray changes from one node to another at its own share.
 pub const FADE_RAYS: u32 = 64;
@@ -422,7 +420,6 @@ pub struct ComposeUniform {
 #[repr(C)]
 pub struct OcclusionUniform {
     pub right: [i32; 3],
-    /// Number of vertices that are tested.
     pub vertices: u32,
     pub down: [i32; 3],
     /// Middle of a map, in steps of a texel.

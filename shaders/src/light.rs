@@ -186,7 +186,6 @@ fn side_of(sun: DVec3) -> DVec2 {
     sun.truncate().normalize_or(DVec2::Y)
 }
 
-/// The moon above a city.
 struct Moon {
     direction: DVec3,
     /// Radiance of its lit side.

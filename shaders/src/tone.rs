@@ -12,7 +12,6 @@ use std::sync::LazyLock;
 /// Bits of a component's mantissa in a stored radiance, and the bias of the common exponent.
 pub(crate) const MANTISSA_BITS: u32 = 9;
 pub(crate) const EXPONENT_BIAS: i32 = 15;
-/// Largest radiance that is stored.
 pub(crate) const MAX_RADIANCE: f32 = 65_000.0;
 /// Bins of the meter, per power of two, and the log2 of the lowest one.
 pub(crate) const METER_BINS: u32 = 128;
@@ -199,7 +198,6 @@ pub(crate) const CODE_STEPS: usize = 2048;
 const CODE_PLACES: usize = (CODE_STEPS + 1).next_power_of_two();
 
 impl DisplayTables {
-    /// The tables, which are made once.
     pub(crate) fn get() -> &'static Self {
         static DISPLAY: LazyLock<DisplayTables> = LazyLock::new(DisplayTables::new);
         &DISPLAY

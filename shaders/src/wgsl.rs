@@ -287,7 +287,6 @@ fn declarations(constants: &[(&str, Literal)]) -> String {
     constants.iter().map(|(name, value)| format!("const {name} = {value};\n")).collect()
 }
 
-/// Declarations of all shared constants.
 fn constants() -> String {
     [binding_constants(), landmark_constants(), other_constants()].concat()
 }
@@ -364,7 +363,6 @@ fn landmark_constants() -> String {
     }
 }
 
-/// Declarations of all other shared constants.
 fn other_constants() -> String {
     declare! {
         u32 { WORKGROUP_X = WORKGROUP[0], WORKGROUP_Y = WORKGROUP[1], HIT_COUNTS_THREADS, HIT_BLOCK_PX, OCCLUSION_SPLIT, OCCLUSION_THREADS }

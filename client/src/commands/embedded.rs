@@ -22,7 +22,6 @@ use std::time::{Duration, SystemTime};
 /// Most files and folders below an input folder.
 const MAX_INPUT_FILES: usize = 1 << 20;
 
-/// Inputs and settings of a bake.
 #[derive(Debug, Clone, Default)]
 pub(super) struct BakeJob {
     /// City files or folders.

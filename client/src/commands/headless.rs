@@ -55,7 +55,6 @@ pub fn open_session(
     session.with_address(city.address).with_objects(http, city.source).with_proposal(proposal)
 }
 
-/// An image file to write.
 pub(super) struct PictureFile<'a> {
     pub(super) path: &'a Path,
     /// Whether the city's sources are drawn into a corner.

@@ -123,7 +123,6 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
     event_loop::run(event_loop, options, ConnectFns { connect, preview })
 }
 
-/// Connects to the city, or to one of a server's cities.
 struct CityConnector {
     find: FindPlace,
     http: Arc<Http>,

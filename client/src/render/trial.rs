@@ -13,7 +13,6 @@ const MAX_TIME: Duration = Duration::from_millis(150);
 /// How long both take for a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct DriverTrial {
-    /// The CPU ray-caster.
     pub(super) cpu: Duration,
     pub(super) software: Duration,
     /// Whether it was an earlier run of this program.

@@ -77,7 +77,6 @@ pub struct CityView {
     pub(super) is_shift_down: bool,
     pub(super) open_again: OpenAgainFn,
     pub(super) cache_bytes: u64,
-    /// The picture that is being drawn.
     pub(super) picture: Option<PictureJob>,
     pub(super) recorder: Option<PathRecorder>,
     pub(super) playback: Option<PathPlayback>,

@@ -34,7 +34,6 @@ pub enum KeyAction {
     CopyLink,
     /// Start or stop recording a camera path.
     ToggleRecording,
-    /// Start or stop measuring.
     ToggleMeasuring,
     /// Remove the last measured point.
     UndoPoint,
@@ -49,7 +48,6 @@ pub enum KeyAction {
     ToggleStones,
     /// Show the city with the proposal, or as it is.
     ToggleProposal,
-    /// Show or hide the sliders.
     ToggleSliders,
     /// Show or hide the developer counters.
     ToggleCounters,

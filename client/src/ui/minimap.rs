@@ -76,7 +76,6 @@ pub fn show(ui: &mut Ui, side: f32, session: &Session, camera: &Camera, is_devel
     pointer.filter(|at| map.contains(*at)).map(|at| extent.to_city(at, map))
 }
 
-/// The camera's field of view.
 fn wedge(eye: Pos2, camera: &Camera) -> Shape {
     let (yaw, _) = camera.angles();
     let half = camera.fov_y_rad * 0.75;

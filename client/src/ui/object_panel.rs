@@ -36,7 +36,6 @@ pub(super) struct ObjectPanel {
     worker: ObjectWorker<FoundObject>,
     /// An object to go to as soon as its place is known.
     to_visit: Option<u32>,
-    /// The object under the pointer.
     hovered: Option<u32>,
     /// Number of changes of the selection and of the object under the pointer.
     generation: u64,
@@ -116,7 +115,6 @@ impl ObjectPanel {
         self.hovered = self.hovered.filter(|id| is_kept(*id));
     }
 
-    /// Selects nothing.
     pub(super) fn clear(&mut self) {
         self.generation += 1;
         self.selected.clear();

@@ -39,7 +39,6 @@ pub struct PictureOrder {
     pub settings: RenderSettings,
     /// How objects are drawn.
     pub styles: ObjectStyles,
-    /// Whether a proposal is shown.
     pub shows_proposal: bool,
     /// Whether the window uses the CPU ray-caster.
     pub on_cpu: bool,

@@ -101,7 +101,6 @@ impl SearchPanel {
     }
 }
 
-/// Whether the hit is clicked.
 fn show_hit(ui: &mut Ui, hit: &SearchHit) -> bool {
     let text: String = printable(&hit.text).chars().take(MAX_HIT_CHARS).collect();
     ui.selectable_label(false, RichText::new(text)).on_hover_text(format!("object {}", hit.object)).clicked()

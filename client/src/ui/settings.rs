@@ -43,7 +43,6 @@ pub struct UserSettings {
     pub shadows: bool,
     /// Whether the panel of light and detail is shown.
     pub overlay: bool,
-    /// Whether it has the developer counters.
     pub counters: bool,
     /// Whether the map is shown.
     pub minimap: bool,

@@ -28,7 +28,6 @@ impl StonePanel {
         Self { stones: texts.iter().map(parameters).collect(), ..Self::default() }
     }
 
-    /// Number of changes.
     pub(super) fn generation(&self) -> u64 {
         self.generation
     }

@@ -130,7 +130,6 @@ impl StylePanel {
         }
     }
 
-    /// Lays the panel out.
     pub(super) fn show(&mut self, ui: &mut Ui) {
         if self.is_open {
             self.show_controls(ui);

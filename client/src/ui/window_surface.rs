@@ -43,9 +43,7 @@ struct SceneTexture {
 /// What egui paints in a frame.
 pub struct OverlayShapes {
     pub primitives: Vec<egui::ClippedPrimitive>,
-    /// Textures to create and to free.
     pub textures: egui::TexturesDelta,
-    /// Scale of the display.
     pub pixels_per_point: f32,
 }
 
@@ -235,7 +233,6 @@ impl WindowSurface {
         self.compose.draw(&self.device.device, &mut pass, &gpu.raycaster);
     }
 
-    /// Records the pass that draws the overlay.
     fn draw_overlay(&mut self, encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, overlay: &OverlayShapes) {
         let (device, queue) = (&self.device.device, &self.device.queue);
         let screen =

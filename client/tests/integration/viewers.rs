@@ -49,7 +49,6 @@ pub(crate) fn request(position: [f64; 3], target: [f64; 3]) -> FrameRequest {
     FrameRequest { camera, heading: None, size_px: [WIDTH_PX as u32, HEIGHT_PX as u32], tau_px: 1.0, switching: None }
 }
 
-/// A view along a street.
 pub(crate) fn street() -> FrameRequest {
     request([31.0, -20.0, 15.0], [31.0, 200.0, 5.0])
 }
@@ -149,7 +148,6 @@ impl SimulatedViewer {
         self.now
     }
 
-    /// One frame, without drawing.
     pub(crate) fn update(&mut self, request: &FrameRequest) {
         let is_waiting = self.streamer.downloads().in_flight() > 0;
         if is_waiting {

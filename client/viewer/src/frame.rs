@@ -94,9 +94,7 @@ impl Default for RenderSettings {
 /// Everything that a ray-caster reads besides the atlas.
 #[derive(Debug, Clone)]
 pub struct FrameData {
-    /// Camera and light.
     pub frame: FrameUniform,
-    /// Entries of the grid of nodes.
     pub grid: Vec<[u32; 2]>,
     /// Nodes: one for each entry of the draw list, another for its old source while it cross-fades, shadow casters, and what is added to
     /// the city.

@@ -72,7 +72,6 @@ struct DrawnLandmark {
     high: DVec3,
 }
 
-/// The landmarks of a draw list.
 #[derive(Debug, Default)]
 pub(crate) struct DrawnLandmarks {
     landmarks: BTreeMap<[i64; 3], DrawnLandmark>,

@@ -40,7 +40,6 @@ pub(crate) struct FrameMessage {
     pub(crate) tiles: u64,
 }
 
-/// The measured figure.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct MeasureMessage {
@@ -53,7 +52,6 @@ pub(crate) struct MeasureMessage {
     pub(crate) closed: bool,
 }
 
-/// The state of streaming.
 #[derive(Debug, Serialize, PartialEq, Clone)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct StatusMessage {
@@ -105,7 +103,6 @@ pub(crate) struct SchemaMessage {
     pub(crate) labels: serde_json::Value,
 }
 
-/// The colours of objects.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct ColorsMessage {

@@ -38,9 +38,7 @@ pub struct BakedCity {
 /// The archives of a city.
 #[derive(Debug)]
 pub struct CityArchives {
-    /// Which nodes exist.
     pub subtrees: Archive,
-    /// The nodes' V-BlockMaps.
     pub blockmaps: Archive,
     /// The leaves' meshes, if the city has any.
     pub meshes: Option<Archive>,

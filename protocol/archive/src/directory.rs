@@ -51,7 +51,6 @@ impl DirectoryEntry {
         self.number + u64::from(self.run)
     }
 
-    /// Position in the file.
     pub(crate) fn bytes(&self) -> Range<u64> {
         self.offset..self.offset + u64::from(self.length)
     }

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Distinguishes the files of one process.
 static NEXT: AtomicU32 = AtomicU32::new(0);
-/// Names that are tried for a file.
 const MAX_TRIES: u32 = 10_000;
 
 /// A file under a temporary name beside its own. It is removed unless it is committed. A device or a pipe is written directly.

@@ -130,7 +130,6 @@ pub fn corners_of(heights: &[f32; VERTEX_COUNT]) -> u128 {
     close_corners(bends.map(|middle| 1 << middle.vertex).fold(0, |all: u128, bit: u128| all | bit))
 }
 
-/// Whether a square has ground.
 fn has_square(squares: u64, x: usize, y: usize) -> bool {
     x < SQUARES && y < SQUARES && squares >> (y * SQUARES + x) & 1 == 1
 }

@@ -98,7 +98,6 @@ fn quantise(v: i32, step: i32) -> i32 {
     if v < 0 { -k } else { k }
 }
 
-/// Writes or reads texels.
 pub(super) struct TexelCoder<'a, C> {
     coder: &'a mut C,
     steps: QuantisationSteps,

@@ -37,7 +37,6 @@ impl ActiveLists {
         Self { nodes: Vec::new(), buckets: std::array::from_fn(|_| Vec::new()), lowest_bucket: BUCKETS }
     }
 
-    /// Adds a node and returns its index.
     #[inline]
     pub(super) fn add(&mut self, node: ActiveNode) -> u32 {
         self.nodes.push(node);

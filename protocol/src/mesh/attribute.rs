@@ -12,7 +12,6 @@ pub enum AttributeKind {
 }
 
 impl AttributeKind {
-    /// All kinds in the order of their codes.
     pub(super) const ALL: [Self; 4] = [Self::Normal, Self::Colour, Self::TexCoord, Self::Other];
 }
 

@@ -243,7 +243,6 @@ impl ValueCoder<'_> {
         Some([self.round(u), self.round(v), 0, 0])
     }
 
-    /// Rounds to a valid component.
     fn round(&self, v: f64) -> i32 {
         ((v + 0.5).floor() as i32).clamp(0, (1 << self.attribute.bits) - 1)
     }

@@ -127,7 +127,6 @@ impl Points {
         std::array::from_fn(|axis| self.coordinate(vertex, axis))
     }
 
-    /// The coordinates of the middle of the grid.
     pub(super) fn middle(&self) -> [i32; 3] {
         [1 << (self.bits - 1); 3]
     }

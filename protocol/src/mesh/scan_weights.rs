@@ -54,7 +54,6 @@ impl Weights {
         Self { classes, own: [None; CLASSES] }
     }
 
-    /// Codes the weights of all classes and returns them.
     pub(super) fn code<C: SymbolCoder>(&self, coder: &mut C) -> Result<[[f32; WEIGHTS]; CLASSES], DecodeError> {
         let mut own_model = SymbolModel::new(|i| [1, 1][i]);
         let mut models: [SymbolModel<32>; 2] = Default::default();

@@ -18,7 +18,6 @@ const NO_STONE: u8 = u8::MAX;
 /// An object whose surface is smooth, with ambient occlusion at its vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LandmarkObject {
-    /// Number of the object in the city.
     pub object: u32,
     /// Index into the manifest's `stones`; `None` if it has its own colours.
     pub stone: Option<u8>,

@@ -7,7 +7,6 @@ use insula_test_support::tier;
 
 /// Random meshes of the full tier.
 const MESHES: u64 = 3000;
-/// Mutations of the full tier.
 const MUTATIONS: u64 = 20_000;
 
 /// Triangles of a mesh under construction.

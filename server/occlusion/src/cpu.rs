@@ -13,7 +13,6 @@ use std::sync::atomic::{AtomicBool, AtomicU32};
 /// Fewer threads work where all of them would take more memory. One always does.
 const MAX_WORK_BYTES: usize = 2 << 30;
 
-/// What a thread works with.
 struct Worker {
     projected: Vec<Projected>,
     map: DepthMap,

@@ -33,7 +33,6 @@ struct TexelGroup {
 
 const EMPTY: TexelGroup = TexelGroup { near: Vec4::splat(f32::MIN), far: Vec4::splat(f32::MAX) };
 
-/// Nearest and farthest depths.
 pub(crate) struct DepthMap {
     size_px: u32,
     groups_per_row: usize,
@@ -84,7 +83,6 @@ impl DepthMap {
         (size_px as usize).div_ceil(LANES) * size_px as usize * size_of::<TexelGroup>()
     }
 
-    /// Removes everything.
     pub(crate) fn clear(&mut self) {
         self.groups.fill(EMPTY);
     }

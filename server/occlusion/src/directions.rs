@@ -10,7 +10,6 @@ pub(crate) const UNIT: f64 = 16_384.0;
 /// Its binary logarithm.
 pub(crate) const UNIT_SHIFT: u32 = 14;
 
-/// A pair of opposite directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ViewPair {
     /// Right, down and towards the viewer: nearly orthogonal vectors of length [`UNIT`].

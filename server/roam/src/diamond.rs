@@ -53,7 +53,6 @@ impl Diamond {
         2 * self.half.trailing_zeros() + u32::from(self.is_square)
     }
 
-    /// The triangles on both sides.
     pub(super) fn triangles(self) -> impl Iterator<Item = Corners> {
         let [a, b] = self.ends;
         self.apexes.into_iter().flatten().map(move |c| if turn(a, b, c) > 0 { [a, b, c] } else { [b, a, c] })

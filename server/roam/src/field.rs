@@ -72,7 +72,6 @@ impl HeightField {
         self.size
     }
 
-    /// Number of samples.
     pub(super) fn len(&self) -> usize {
         self.heights_m.len()
     }
@@ -82,13 +81,11 @@ impl HeightField {
         [self.min, [0, 1].map(|axis| (self.min[axis] + self.size[axis]).saturating_sub(1))]
     }
 
-    /// Number of the sample at a place.
     pub(super) fn index(&self, [x, y]: Place) -> Option<usize> {
         let [x, y] = [x.wrapping_sub(self.min[0]), y.wrapping_sub(self.min[1])];
         (x < self.size[0] && y < self.size[1]).then(|| y as usize * self.size[0] as usize + x as usize)
     }
 
-    /// Place of the sample with a number.
     pub(super) fn place(&self, index: usize) -> Place {
         let width = self.size[0] as usize;
         [self.min[0] + (index % width) as u32, self.min[1] + (index / width) as u32]

@@ -88,7 +88,6 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// The triangles of the surface.
     pub(super) fn draw(&self, emit: &mut impl FnMut(Corners)) {
         for root in roots(self.corner, self.side) {
             draw(self.field, root, &|index| self.is_halved[index], emit);

@@ -165,7 +165,6 @@ impl<'a> CellGrounds<'a> {
         (ground, ViewCell { leaf, tops })
     }
 
-    /// The highest ground of a leaf.
     fn ground(&self, i: usize, [column, row]: [usize; 2]) -> u16 {
         let heights = self.heights;
         let stored = heights.ground[i];

@@ -77,7 +77,6 @@ impl LeafRectangle {
         Some(Self { x, y, width: right - x + 1, height: top - y + 1 })
     }
 
-    /// Number of leaf squares.
     pub(crate) fn len(&self) -> usize {
         self.width as usize * self.height as usize
     }

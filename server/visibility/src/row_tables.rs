@@ -43,7 +43,6 @@ struct SolidTable {
 /// Heights by rows. Lengths in squares, of which each has 2 x 2 fine squares.
 #[derive(Debug)]
 pub(crate) struct RowTables {
-    /// Number of rows, and squares of a row.
     pub(crate) rows: usize,
     pub(crate) columns: usize,
     /// Values of fine squares with even numbers in a row of a solid table.

@@ -38,7 +38,6 @@ pub(crate) struct NodeShape {
 }
 
 impl NodeShape {
-    /// The shape of a map as clients draw it.
     pub(crate) fn new(map: BlockMap, scale: &HeightScale) -> Self {
         let ground = ground_of(&map, scale);
         let stands = ground_mask(&map);

@@ -35,7 +35,6 @@ const LOW: f32 = 8.0;
 const OPEN: f32 = -1e9;
 const CLOSED: f32 = 1e9;
 
-/// A cell of which the set is computed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ViewCell {
     /// Column and row of its leaf from the south-west.

@@ -72,7 +72,6 @@ pub(crate) struct SkyLight {
     pub(crate) forward: DVec3,
 }
 
-/// Air of one turbidity.
 #[derive(Debug)]
 pub(crate) struct Atmosphere {
     rayleigh: Spectrum,
@@ -257,7 +256,6 @@ fn rayleigh(um: f64) -> f64 {
     RAYLEIGH * (um / 0.55).powf(RAYLEIGH_EXPONENT)
 }
 
-/// The phase function of molecules.
 fn by_molecules(cos: f64) -> f64 {
     3.0 / (16.0 * PI) * (1.0 + cos * cos)
 }

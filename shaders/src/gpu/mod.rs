@@ -95,7 +95,6 @@ pub enum GpuError {
     /// Commands or resources were refused.
     #[error("the graphics device refused: {0}")]
     Refused(String),
-    /// Buffers could not be read back.
     #[error("the frame could not be read back from the graphics device: {0}")]
     ReadBack(String),
 }
@@ -106,7 +105,6 @@ fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsa
     device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false })
 }
 
-/// A module of the crate's WGSL.
 fn shader_module(device: &wgpu::Device, label: &str, source: String) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(source.into());
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })

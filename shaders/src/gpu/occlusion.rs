@@ -13,7 +13,6 @@ const MAX_GROUPS: u32 = 65_535;
 pub struct OcclusionScene<'a> {
     /// Vertices of the mesh, then of its surroundings.
     pub places: &'a [[i32; 3]],
-    /// Triples of places.
     pub triangles: &'a [[u32; 3]],
     /// Normals of the mesh's vertices.
     pub normals: &'a [[i32; 3]],

@@ -95,7 +95,6 @@ pub(super) struct OutputBuffers {
 /// Entries of the grid buffer at first: more than a view of a million buildings needs at full HD.
 const INITIAL_GRID_ENTRIES: u32 = 1 << 16;
 
-/// The layout of all variants of the pipeline.
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let read = wgpu::BufferBindingType::Storage { read_only: true };
     let write = wgpu::BufferBindingType::Storage { read_only: false };

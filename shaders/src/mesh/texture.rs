@@ -70,7 +70,6 @@ impl MeshTexture {
         [self.width_px.div_ceil(TEXTURE_TILE_PX), self.height_px.div_ceil(TEXTURE_TILE_PX)]
     }
 
-    /// Number of tiles of all levels.
     pub(super) fn tiles(&self) -> usize {
         self.tiles_across().iter().product::<u32>() as usize
     }

@@ -97,7 +97,6 @@ pub enum StoneError {
     /// A colour that is not `#rrggbb`.
     #[error("{field} of a stone is {found:?}, not a colour like #d8c8b0")]
     Colour {
-        /// Name of the parameter.
         field: &'static str,
         /// Its value.
         found: String,

@@ -16,7 +16,6 @@ pub const MAX_MAPS: usize = 2;
 pub const MIN_MAP_PX: u32 = 256;
 /// Largest width of a map, in texels.
 pub const MAX_MAP_PX: u32 = 512;
-/// Width of the coarsest level.
 pub(crate) const COARSEST_PX: u32 = 8;
 /// In the second word of a texel: there is a surface.
 pub(crate) const OCCUPIED: u32 = 1 << 24;

@@ -32,11 +32,9 @@ pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
 
 /// Memory that the ray-caster reads.
 pub trait Upload {
-    /// Writes a page of the atlas.
     fn write_page(&mut self, page: u32, words: &[u32]);
     /// Writes some words of the atlas from word `at` on, within one page.
     fn write_words(&mut self, at: u32, words: &[u32]);
-    /// Writes a node's summary.
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);
 }
 
@@ -46,7 +44,6 @@ pub struct CachedNode {
     /// Atlas pages, planes first.
     pub pages: Vec<u32>,
     pub slot: u32,
-    /// Side of a column.
     pub cell_m: f32,
     /// Height of one height code.
     pub z_step_m: f32,

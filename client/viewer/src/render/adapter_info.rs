@@ -3,7 +3,6 @@
 /// Name and backend of a ray-caster, and why it draws.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct AdapterInfo {
-    /// Name that the driver gives.
     pub name: String,
     /// `vulkan`, `gl`, `metal`, `dx12` or `cpu`.
     pub backend: String,

@@ -74,7 +74,6 @@ pub struct LeafLod {
     pub triangles: u32,
     /// Cache pages; an estimate until the mesh has been decoded.
     pub pages: u32,
-    /// State of the mesh.
     pub tile: TileRecord,
 }
 

@@ -7,7 +7,6 @@ use std::collections::{HashMap, VecDeque};
 /// Most tiles that are kept. Each takes at most 109 kB.
 const CAPACITY: usize = 16;
 
-/// States and contents of visibility tiles.
 #[derive(Debug, Clone, Default)]
 pub(super) struct VisibilityTiles {
     states: HashMap<TileId, TileRecord>,

@@ -18,7 +18,6 @@ fn leaf_at(manifest: &Manifest, point: DVec3) -> Option<TileId> {
 }
 
 impl SceneTree {
-    /// Takes in a decoded visibility tile.
     pub(crate) fn put_visibility(&mut self, tile: VisibilityTile) {
         self.visibility.put(tile);
     }

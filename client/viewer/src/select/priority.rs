@@ -32,7 +32,6 @@ pub enum RequestReason {
     LargeError,
     /// The last frames' rays hit the node.
     Visible,
-    /// The mesh of a visible leaf.
     Mesh,
     /// Its shadow may be in view.
     ShadowCaster,

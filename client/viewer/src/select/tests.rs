@@ -115,7 +115,6 @@ fn apply_all(tree: &mut SceneTree, key: TileKey, events: &[TileEvent]) {
     }
 }
 
-/// Makes a tile resident.
 pub(crate) fn load(tree: &mut SceneTree, key: TileKey) {
     let want = TileEvent::Want { now: NOW };
     apply_all(tree, key, &[want, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload]);
@@ -125,7 +124,6 @@ fn load_root(tree: &mut SceneTree) {
     load(tree, TileKey::block_map(TileId::ROOT));
 }
 
-/// Makes a tile bad.
 fn refuse(tree: &mut SceneTree, key: TileKey) {
     apply_all(tree, key, &[TileEvent::Want { now: NOW }, TileEvent::Start, TileEvent::Refuse]);
 }

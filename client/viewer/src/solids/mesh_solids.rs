@@ -25,7 +25,6 @@ pub struct MeshSolids {
     step_m: f64,
 }
 
-/// A surface that a vertical line crosses.
 struct SurfaceCrossing {
     z: f64,
     /// Whether it is a roof or ground, not a ceiling.

@@ -9,7 +9,6 @@ pub struct FrameRequest {
     pub camera: Camera,
     /// Where a moving camera will be in half a second: tiles of that view are preloaded.
     pub heading: Option<Camera>,
-    /// Width and height.
     pub size_px: [u32; 2],
     /// Tolerated screen-space error in pixels.
     pub tau_px: f64,

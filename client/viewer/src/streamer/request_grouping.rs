@@ -15,7 +15,6 @@ const REQUEST_BYTES: u64 = 4096;
 pub(super) struct PlannedRequest {
     /// `None` for a single tile.
     pub(super) group: Option<TileGroup>,
-    /// The wanted tiles.
     pub(super) keys: Vec<TileKey>,
     /// How much of the number of requests in flight it takes up, at least 1.
     pub(super) weight: usize,

@@ -224,7 +224,6 @@ impl Backoff {
         self.retry_at = Some(now + retry_delay(self.failures, retry_after, jitter));
     }
 
-    /// Records a response.
     pub(super) fn succeeded(&mut self) {
         *self = Self::default();
     }

@@ -5,7 +5,6 @@ use insula_viewer::camera::Camera;
 use std::time::Duration;
 use web_time::Instant;
 
-/// Longest flight.
 const MAX_SECS: f64 = 60.0;
 
 /// A flight between two cameras that begins and ends slowly.

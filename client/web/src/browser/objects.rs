@@ -13,7 +13,6 @@ use std::sync::Arc;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 
-/// Most hits of a search.
 const MAX_HITS: usize = 100;
 
 /// Reads the objects of a city. It is apart from the viewer, which goes on drawing meanwhile.

@@ -35,7 +35,6 @@ impl StatusMessage {
 }
 
 impl CityViewer {
-    /// The message about the frame that is on the screen.
     pub(crate) fn frame_message(&self) -> FrameMessage {
         let view = self.view();
         let camera = &view.camera;

@@ -35,7 +35,6 @@ use wasm_bindgen::prelude::*;
 use web_sys::OffscreenCanvas;
 use web_time::Instant;
 
-/// Requests in flight at the start.
 const INITIAL_REQUESTS: usize = 12;
 /// Largest side of a frame in pixels.
 const MAX_SIDE_PX: u32 = 8192;

@@ -29,7 +29,6 @@ impl RowSet {
         self.contains(row).then_some((before + below.count_ones()) as usize)
     }
 
-    /// The rows in ascending order.
     pub(super) fn rows(&self) -> Vec<u16> {
         (0..BLOCK_OBJECTS as u16).filter(|row| self.contains(usize::from(*row))).collect()
     }

@@ -24,7 +24,6 @@ const FRONT_CODED: u8 = 0;
 const PATTERNS: u8 = 1;
 const IDENTIFIERS: u8 = 2;
 
-/// Texts behind one another.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct TextList {
     text: String,

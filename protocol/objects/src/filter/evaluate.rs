@@ -106,7 +106,6 @@ impl Comparison {
 }
 
 impl Expression {
-    /// Whether the condition holds for an object.
     pub(super) fn holds(&self, object: &ObjectInFamily<'_>) -> bool {
         match self {
             Self::All(parts) => parts.iter().all(|part| part.holds(object)),

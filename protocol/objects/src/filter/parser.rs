@@ -23,7 +23,6 @@ const EXAMPLES: usize = 3;
 
 struct Parser<'a> {
     tokens: std::iter::Peekable<std::vec::IntoIter<Positioned>>,
-    /// Bytes of the text.
     end: usize,
     schema: &'a Schema,
     depth: usize,
@@ -101,7 +100,6 @@ impl Parser<'_> {
         self.comparison()
     }
 
-    /// A comparison, or a value alone.
     fn comparison(&mut self) -> Result<Expression, Fault> {
         let left = self.term()?;
         let at = self.at();

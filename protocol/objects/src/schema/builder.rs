@@ -19,7 +19,6 @@ pub struct SchemaBuilder {
     indices: BTreeMap<String, usize>,
     attributes: Vec<Statistics>,
     units: BTreeMap<String, String>,
-    /// Bytes of the counted values of all attributes.
     counted_bytes: usize,
     dropped: u64,
 }

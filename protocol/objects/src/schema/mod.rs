@@ -62,7 +62,6 @@ pub struct AttributeInfo {
     /// Smallest value. Dates as days since 1970-01-01. `None` for texts and booleans.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// Largest value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
     /// Number of different values; `None` above [`MAX_DISTINCT`].

@@ -19,7 +19,6 @@ pub struct SearchHit {
     pub text: String,
     /// The object that it was added for. From untrusted bytes it may be any number.
     pub object: u32,
-    /// Words of the query that have one typo.
     pub typos: u8,
 }
 

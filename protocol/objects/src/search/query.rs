@@ -9,7 +9,6 @@ const MIN_TYPO_CHARS: usize = 4;
 /// Most places of one word where `ae`, `oe` or `ue` may mean a letter with an umlaut.
 const MAX_UMLAUTS: usize = 3;
 
-/// One character of a spelling.
 #[derive(Debug, Clone, Copy)]
 struct Typed {
     glyph: Glyph,
@@ -27,7 +26,6 @@ impl Typed {
 pub(super) struct QueryWord {
     /// The word as typed, and other spellings of it.
     spellings: Vec<Vec<Typed>>,
-    /// The weak form of the word as typed.
     pub(super) weak: String,
     /// It has characters that may start a match within it.
     pub(super) has_cjk: bool,
@@ -143,7 +141,6 @@ fn starts_with_typo(text: &[Glyph], typed: &[Typed]) -> bool {
     }
 }
 
-/// Where a word of a query is in a text.
 struct WordMatch {
     typos: u8,
     /// Number of places before it where a match may start: words, and characters of CJK.
@@ -171,7 +168,6 @@ pub(super) struct Rank {
 #[derive(Debug)]
 pub(super) struct Query {
     glyphs: Vec<Glyph>,
-    /// Its words, each once, in order.
     pub(super) words: Vec<QueryWord>,
 }
 
