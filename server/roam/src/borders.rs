@@ -9,7 +9,7 @@
 use super::diamond::{Diamond, Place};
 use super::field::{HeightField, HeightSource};
 use super::tile::Tile;
-use super::tiling::{TileSurvey, Tiling};
+use super::tiling::Tiling;
 use std::collections::HashSet;
 
 /// Which diamonds on the borders between tiles are halved.
@@ -28,18 +28,12 @@ impl Borders {
         let tiling = Tiling::new(source.size(), side, max_error_m);
         let mut borders = Self::new(tiling);
         for tile in tiling.tiles() {
-            borders.add(&tiling.survey(source, tile)?);
+            for place in tiling.survey(source, tile)? {
+                borders.set(place);
+            }
         }
         borders.close();
         Ok(borders)
-    }
-
-    /// Joins the surveys of all tiles, in any order.
-    pub fn join(tiling: Tiling, surveys: impl IntoIterator<Item = TileSurvey>) -> Self {
-        let mut borders = Self::new(tiling);
-        surveys.into_iter().for_each(|survey| borders.add(&survey));
-        borders.close();
-        borders
     }
 
     /// The tiles.
@@ -58,12 +52,6 @@ impl Borders {
         let Tiling { size, side, .. } = tiling;
         let lines = |axis: usize| vec![vec![false; size[1 - axis] as usize]; size[axis].div_ceil(side) as usize];
         Self { tiling, rows: lines(1), columns: lines(0) }
-    }
-
-    fn add(&mut self, survey: &TileSurvey) {
-        for place in &survey.halved {
-            self.set(*place);
-        }
     }
 
     fn is_halved(&self, [x, y]: Place) -> bool {

@@ -1,17 +1,14 @@
 //! Error bounds of all triangles ("wedgies" in ROAM), computed once.
 
 use super::deviation::deviation;
-use super::diamond::{Diamond, Place, roots, upwards};
+use super::diamond::{Diamond, Place, upwards};
 use super::field::{HeightField, MAX_SIDE};
-use super::mesh::{MeshBuilder, TerrainMesh};
-use super::tile::draw;
 
 /// For each diamond an upper bound of the vertical distance between any sample and the drawn surface, two bytes each.
 ///
 /// A diamond's bound is at least the exact deviation of its triangles and at least the bounds of all diamonds that can
 /// be halved only after it. Halving exactly the diamonds with bounds above a limit therefore gives a closed surface.
-#[derive(Debug, Clone)]
-pub struct ErrorBounds {
+pub(super) struct ErrorBounds {
     /// At the middle of each diamond.
     codes: Vec<u16>,
     side: u32,
@@ -19,27 +16,13 @@ pub struct ErrorBounds {
 
 impl ErrorBounds {
     /// Bounds for a field that is covered by root squares with `side` steps, rounded up to a power of two.
-    pub fn new(field: &HeightField, side: u32) -> Self {
+    pub(super) fn new(field: &HeightField, side: u32) -> Self {
         let side = side.clamp(2, MAX_SIDE).next_power_of_two();
         let mut bounds = Self { codes: vec![0; field.len()], side };
         for centre in upwards(field.ends(), side) {
             bounds.compute(field, centre);
         }
         bounds
-    }
-
-    /// The surface of the diamonds with bounds up to `max_error_m`, for several levels of detail from the same bounds.
-    /// It has more triangles than that of `triangulate`.
-    pub fn triangulate(&self, field: &HeightField, max_error_m: f32) -> TerrainMesh {
-        // Infinite bounds are above any limit: such diamonds must be halved.
-        let limit_m = if max_error_m > 0.0 { max_error_m.min(f32::MAX) } else { 0.0 };
-        let mut mesh = MeshBuilder::default();
-        for corner in root_corners(field, self.side) {
-            for root in roots(corner, self.side) {
-                draw(field, root, &|index| self.error_m(index) > limit_m, &mut |corners| mesh.add(corners));
-            }
-        }
-        mesh.finish()
     }
 
     /// Sets the bound of a diamond, from which the next larger ones inherit.
@@ -61,12 +44,6 @@ impl ErrorBounds {
     pub(super) fn side(&self) -> u32 {
         self.side
     }
-}
-
-/// First places of the root squares that cover a field, row by row.
-pub(super) fn root_corners(field: &HeightField, side: u32) -> impl Iterator<Item = Place> + use<> {
-    let [columns, rows] = field.size().map(|n| n.saturating_sub(1).div_ceil(side));
-    (0..rows).flat_map(move |y| (0..columns).map(move |x| [x * side, y * side]))
 }
 
 /// The upper half of a positive number's bits after the sign, rounded up: 8 bits of its fraction remain.

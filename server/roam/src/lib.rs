@@ -3,8 +3,6 @@
 //!
 //! - `triangulate` makes the surface of a field in memory for one largest error. `Borders::survey` and
 //!   `triangulate_region` make the same surface tile by tile from any source.
-//! - `ErrorBounds` holds the errors of all triangles, for surfaces of several largest errors and for `RoamMesh`.
-//! - `RoamMesh` follows a view: `update` splits and merges until its triangles suit the view.
 //! - `SampledTerrain` turns terrain that exists as triangles into a mesh for one view.
 //!
 //! All surfaces are closed: each edge has a triangle on both sides or lies on a border of the data, and no vertex lies
@@ -18,24 +16,20 @@ mod borders;
 mod bounds;
 mod deviation;
 mod diamond;
-mod dynamic;
 mod field;
 mod mesh;
-mod priority;
 mod sampled;
 mod surface;
 #[cfg(test)]
 mod tests;
 mod tile;
 mod tiling;
+mod view_surface;
 
 pub use borders::Borders;
-pub use bounds::ErrorBounds;
 pub use diamond::Place;
-pub use dynamic::{Changes, RoamMesh};
 pub use field::{HeightField, HeightSource};
 pub use mesh::TerrainMesh;
-pub use priority::{Node, Priority, ScreenError};
 pub use sampled::{ErrorScale, ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace, ViewMesh};
 pub use surface::{TILE_STEPS, triangulate, triangulate_region};
-pub use tiling::{TileSurvey, Tiling};
+pub use tiling::Tiling;

@@ -1,6 +1,9 @@
-//! Meshes for a view of terrain that exists as triangles: its heights are sampled on a grid, which a [`RoamMesh`] refines.
+//! Meshes for a view of terrain that exists as triangles: its heights are sampled on a grid, which a [`ViewSurface`] refines.
 
-use crate::{ErrorBounds, HeightField, Node, Place, RoamMesh};
+use super::bounds::ErrorBounds;
+use super::diamond::Place;
+use super::field::HeightField;
+use super::view_surface::ViewSurface;
 use glam::{DVec2, DVec3, Vec3};
 
 /// A grid's sides have a multiple of so many steps.
@@ -169,11 +172,11 @@ impl SampledTerrain {
         }
         let field = HeightField::new(self.grid.size, self.heights_m.clone())?;
         let bounds = ErrorBounds::new(&field, ROOT_STEPS);
-        let mut roam = RoamMesh::new(&field, &bounds, self.grid.step.max_element() as f32);
         let origin = self.grid.origin.extend(0.0).as_vec3();
-        let priority = |node: &Node| node.error_m * scale(node.reach_m.map(|corner| corner + origin));
-        roam.update(&priority, max_error, max_triangles);
-        let mesh = roam.mesh();
+        let in_grid = |reach_m: [Vec3; 2]| scale(reach_m.map(|corner| corner + origin));
+        let mut surface = ViewSurface::new(&field, &bounds, self.grid.step.max_element() as f32, &in_grid);
+        surface.refine(max_error, max_triangles);
+        let mesh = surface.mesh();
         let height = |place: &Place| f64::from(self.heights_m[self.grid.index(*place)]);
         Some(ViewMesh {
             points: mesh.vertices.iter().map(|place| self.grid.at(*place).extend(height(place))).collect(),

@@ -14,12 +14,6 @@ pub struct Tiling {
     pub(super) limit_m: f64,
 }
 
-/// What one tile alone would halve on its borders.
-#[derive(Debug, Clone)]
-pub struct TileSurvey {
-    pub(super) halved: Vec<Place>,
-}
-
 impl Tiling {
     /// Tiles with `side` steps, rounded up to a power of two, for a surface within `max_error_m` of all samples. Errors
     /// below zero and those that are not a number count as zero. Columns and rows from 2^28 on are left out.
@@ -39,15 +33,12 @@ impl Tiling {
         self.side
     }
 
-    /// Finds what a tile must halve on its borders. Tiles are independent, so this may run side by side for all.
-    pub fn survey<S: HeightSource>(&self, source: &S, tile: [u32; 2]) -> Result<TileSurvey, S::Error> {
-        if !self.has_tile(tile) {
-            return Ok(TileSurvey { halved: Vec::new() });
-        }
+    /// The places on its borders that a tile alone would halve.
+    pub(super) fn survey<S: HeightSource>(&self, source: &S, tile: [u32; 2]) -> Result<Vec<Place>, S::Error> {
         let field = self.read(source, tile)?;
         let mut survey = Tile::new(&field, self.side, self.limit_m);
         survey.halve_upwards();
-        Ok(TileSurvey { halved: self.border(tile).filter(|place| survey.is_halved(*place)).collect() })
+        Ok(self.border(tile).filter(|place| survey.is_halved(*place)).collect())
     }
 
     /// Number of tiles along x and y. A single row or column of samples has none.

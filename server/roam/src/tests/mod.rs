@@ -1,11 +1,14 @@
 //! Terrain and checks for the tests of this module.
 
-mod dynamic;
 mod surface;
 mod tiles;
+mod view;
 
+use super::bounds::ErrorBounds;
 use super::field::HeightField;
+use super::view_surface::ViewSurface;
 use super::{Place, TerrainMesh};
+use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 
 /// Random numbers that are the same in each run (SplitMix64).
@@ -50,6 +53,23 @@ pub(super) fn fractal(size: [u32; 2], amplitude_m: f32, seed: u64) -> Vec<f32> {
 
 pub(super) fn field(size: [u32; 2], heights: Vec<f32>) -> HeightField {
     HeightField::new(size, heights).unwrap()
+}
+
+/// The surface of a view in which `scale` is the priority of a metre of error.
+pub(super) fn refined(
+    field: &HeightField,
+    bounds: &ErrorBounds,
+    scale: &dyn Fn([Vec3; 2]) -> f32,
+    (threshold, max_triangles): (f32, usize),
+) -> TerrainMesh {
+    let mut surface = ViewSurface::new(field, bounds, 1.0, scale);
+    surface.refine(threshold, max_triangles);
+    surface.mesh()
+}
+
+/// The surface of the diamonds with bounds above `max_error_m`.
+pub(super) fn bounded(field: &HeightField, bounds: &ErrorBounds, max_error_m: f32) -> TerrainMesh {
+    refined(field, bounds, &|_| 1.0, (max_error_m, usize::MAX))
 }
 
 /// Checks that a mesh is closed and covers all that has data, and gives its largest distance from a sample.

@@ -1,7 +1,8 @@
 //! Surfaces for one largest error.
 
+use super::super::bounds::ErrorBounds;
 use super::super::*;
-use super::{Random, check, field, fractal};
+use super::{Random, bounded, check, field, fractal};
 
 #[test]
 fn every_sample_is_within_the_error() {
@@ -14,7 +15,7 @@ fn every_sample_is_within_the_error() {
             assert!(check(&mesh, &field) <= f64::from(error) + 1e-9, "{size:?} {error}");
             assert!(mesh.triangles.len() <= count);
             count = mesh.triangles.len();
-            let nested = bounds.triangulate(&field, error);
+            let nested = bounded(&field, &bounds, error);
             assert!(check(&nested, &field) <= f64::from(error) + 1e-9, "{size:?} {error}");
         }
     }
@@ -28,7 +29,7 @@ fn bounds_are_upper_bounds_and_nested() {
     let limits: Vec<f32> = (0..field.len()).map(|i| bounds.error_m(i)).filter(|e| e.is_finite() && *e > 0.0).collect();
     for k in (0..limits.len()).step_by(limits.len() / 20) {
         // Just at a bound, its diamond is not halved.
-        let mesh = bounds.triangulate(&field, limits[k]);
+        let mesh = bounded(&field, &bounds, limits[k]);
         assert!(check(&mesh, &field) <= f64::from(limits[k]));
     }
 }
@@ -73,7 +74,7 @@ fn places_without_data_are_holes() {
         for error in [0.0, 0.5, 100.0] {
             let mesh = triangulate(&field, error);
             assert!(check(&mesh, &field) <= f64::from(error) + 1e-9);
-            check(&ErrorBounds::new(&field, 64).triangulate(&field, error), &field);
+            check(&bounded(&field, &ErrorBounds::new(&field, 64), error), &field);
         }
     }
     let nothing = field([70, 70], vec![f32::NAN; 4900]);
@@ -99,7 +100,7 @@ fn huge_heights_and_errors_that_are_no_numbers_end() {
     }
     assert_eq!(triangulate(&field, f32::INFINITY).triangles.len(), 2);
     for error in [f32::NAN, -1.0, 1e30, f32::INFINITY] {
-        check(&ErrorBounds::new(&field, 64).triangulate(&field, error), &field);
+        check(&bounded(&field, &ErrorBounds::new(&field, 64), error), &field);
     }
     assert!(HeightField::new([3, 3], vec![0.0; 8]).is_none());
     assert!(HeightField::new([u32::MAX, u32::MAX], Vec::new()).is_none());
