@@ -12,7 +12,7 @@ fn code_pages() -> [&'static Encoding; 9] {
 }
 
 /// Number of the code pages that are guessed: those of East Asia.
-const GUESSED: usize = 4;
+const GUESSED: usize = 5;
 /// Letters of East Asia for each other sign beyond ASCII that may stand between them, such as a number in a circle.
 const PER_OTHER: usize = 8;
 
@@ -30,16 +30,16 @@ pub fn percent_decoded(text: &str) -> String {
 pub fn guess(raw: &[u8]) -> Option<String> {
     match std::str::from_utf8(raw) {
         Ok(name) => Some(name.to_owned()),
-        Err(_) => decode(east_asian_page(raw)?, raw),
+        Err(_) => decode(east_asian_pages(raw).next()?, raw),
     }
 }
 
-/// The code page of East Asia that bytes are most likely in that are no UTF-8; `None` if they may be of any western one.
-pub(crate) fn east_asian_page(raw: &[u8]) -> Option<&'static Encoding> {
+/// The code pages of East Asia that bytes can be in that are no UTF-8; none if they may be of any western one.
+pub(crate) fn east_asian_pages(raw: &[u8]) -> impl Iterator<Item = &'static Encoding> + '_ {
     // Letters with accents stand alone between others; those of East Asia have two bytes each.
     let has_pairs = raw.windows(2).any(|pair| !pair[0].is_ascii() && !pair[1].is_ascii());
     let is_likely = |page: &&'static Encoding| decode(page, raw).is_some_and(|text| is_east_asian(&text));
-    code_pages().into_iter().take(GUESSED).find(is_likely).filter(|_| has_pairs)
+    code_pages().into_iter().take(if has_pairs { GUESSED } else { 0 }).filter(is_likely)
 }
 
 /// All names that bytes can mean.

@@ -1,9 +1,11 @@
 //! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write; and lists of words in sources.
 
-use super::file_names::east_asian_page;
+use super::code_page::CodePage;
+use super::file_names::east_asian_pages;
+use super::letters::{PageGuess, likely_page};
 use super::packed::unpacked_name;
 use crate::error::InputError;
-use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
+use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use std::borrow::Cow;
 use std::io::{self, BufRead, Cursor, Read};
 
@@ -18,6 +20,9 @@ pub(crate) const START_BYTES: usize = 3;
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// The declaration of XML is looked for in this many bytes.
 const DECLARATION_BYTES: u64 = 512;
+/// Bytes of letters of UTF-8 that no other encoding has by chance, and those for each byte of another encoding among them.
+pub const CERTAIN_BYTES: usize = 4;
+const OTHER_BYTES: usize = 9;
 /// Decoded bytes that are kept ready.
 const CHUNK_BYTES: usize = 1 << 16;
 
@@ -121,37 +126,56 @@ pub fn read_declaration(label: &str, inner: &mut dyn BufRead) -> Result<(Vec<u8>
     Ok((head, encoding))
 }
 
-/// The encoding of a text that does not tell it, by its beginning: UTF-8, one of East Asia, or else Windows-1252.
-pub fn likely_encoding(head: &[u8]) -> &'static Encoding {
+/// The code page of a text that does not tell it, by its beginning.
+pub fn likely_encoding(head: &[u8]) -> PageGuess {
     // The beginning may end within a letter.
     if std::str::from_utf8(head).map_or_else(|fault| fault.error_len().is_none(), |_| true) {
-        return UTF_8;
+        return PageGuess { page: CodePage::UTF8, is_sure: true };
+    }
+    if is_mostly_utf8(head) {
+        return PageGuess { page: CodePage::UTF8, is_sure: false };
     }
     let lines = head.iter().rposition(|byte| *byte == b'\n').map_or(head, |end| &head[..end]);
-    // Two letters of Finnish may be one of Chinese.
-    let east_asian = [head, lines].into_iter().filter(|text| is_hardly_western(text)).find_map(east_asian_page);
-    east_asian.unwrap_or(WINDOWS_1252)
+    // So may the last line, in a page of which a letter has two bytes.
+    let is_whole = lines.is_ascii() || east_asian_pages(head).count() >= east_asian_pages(lines).count();
+    let text = if is_whole { head } else { lines };
+    let PageGuess { page, is_sure } = likely_page(text);
+    PageGuess { page, is_sure: is_sure && !(page == CodePage::WESTERN && is_hardly_western(text)) }
 }
 
-/// A part of a text in an encoding that is likely. One that is likely in UTF-8 may have parts in Windows-1252, and the other way around.
-pub fn decoded<'t>(bytes: &'t [u8], encoding: &'static Encoding) -> Cow<'t, str> {
-    let is_east_asian = encoding != UTF_8 && encoding != WINDOWS_1252;
+/// Whether a guess is what most texts are in, and needs no warning.
+pub fn is_usual(guess: PageGuess) -> bool {
+    guess.is_sure && (guess.page == CodePage::UTF8 || guess.page == CodePage::WESTERN)
+}
+
+/// Whether nearly all letters beyond ASCII are in UTF-8. Those of another encoding are so by chance only.
+fn is_mostly_utf8(text: &[u8]) -> bool {
+    let beyond = |text: &str| text.bytes().filter(|byte| !byte.is_ascii()).count();
+    let (mut valid, mut invalid) = (0, 0);
+    for chunk in text.utf8_chunks() {
+        valid += beyond(chunk.valid());
+        invalid += chunk.invalid().len();
+    }
+    valid >= CERTAIN_BYTES && invalid * OTHER_BYTES <= valid
+}
+
+/// A part of a text in a page that is likely. One that is likely in UTF-8 may have parts in another, and one in Windows-1252 parts in UTF-8.
+pub fn decoded<'t>(bytes: &'t [u8], page: CodePage) -> Cow<'t, str> {
     match std::str::from_utf8(bytes) {
-        Ok(text) if !is_east_asian || text.is_ascii() => text.into(),
-        _ if is_east_asian => encoding.decode_without_bom_handling(bytes).0,
-        _ => WINDOWS_1252.decode_without_bom_handling(bytes).0,
+        Ok(text) if text.is_ascii() || page == CodePage::UTF8 || page == CodePage::WESTERN => text.into(),
+        _ if page == CodePage::UTF8 => likely_page(bytes).page.decode(bytes),
+        _ => page.decode(bytes),
     }
 }
 
 /// A line of a text that does not tell its encoding. Equal bytes give equal letters.
 pub fn decoded_line(line: &[u8]) -> Cow<'_, str> {
-    decoded(line, likely_encoding(line))
+    decoded(line, likely_encoding(line).page)
 }
 
 /// Whether bytes that are no UTF-8 are hardly Windows-1252 either. No language of that encoding has four letters beyond ASCII in a row.
-pub fn is_hardly_western(bytes: &[u8]) -> bool {
-    std::str::from_utf8(bytes).is_err_and(|fault| fault.error_len().is_some())
-        && bytes.windows(4).any(|letters| letters.iter().all(|byte| *byte >= 0x80))
+fn is_hardly_western(bytes: &[u8]) -> bool {
+    bytes.windows(4).any(|letters| letters.iter().all(|byte| *byte >= 0x80))
 }
 
 /// The encoding that `<?xml ... encoding="..."?>` names.
@@ -264,16 +288,20 @@ mod tests {
     fn texts_of_unknown_encodings_are_guessed_by_their_beginning() {
         let table = "名称,高さ,備考\n市役所庁舎,12,①\n東京都庁第一本庁舎,243,\n表";
         let (bytes, ..) = encoding_rs::SHIFT_JIS.encode(table);
-        let encoding = likely_encoding(&bytes[..bytes.len() - 1]);
-        assert_eq!(encoding, encoding_rs::SHIFT_JIS);
-        assert_eq!(decoded(&bytes, encoding), table);
-        assert_eq!(likely_encoding("höhe;Köln\n建".as_bytes()), UTF_8);
+        let guess = likely_encoding(&bytes[..bytes.len() - 1]);
+        assert_eq!(guess, PageGuess { page: CodePage::Known(encoding_rs::SHIFT_JIS), is_sure: true });
+        assert_eq!(decoded(&bytes, guess.page), table);
+        assert_eq!(likely_encoding("höhe;Köln\n建".as_bytes()).page, CodePage::UTF8);
+        let mixed = ["Жилой дом;".as_bytes(), b"K\xf6ln\n"].concat();
+        assert_eq!(likely_encoding(&mixed), PageGuess { page: CodePage::UTF8, is_sure: false });
         let western = b"h\xf6he;Stra\xdfe\n";
-        assert_eq!((likely_encoding(western), decoded_line(western).as_ref()), (WINDOWS_1252, "höhe;Straße\n"));
-        assert_eq!(decoded(b"K\xf6ln", UTF_8), "Köln", "a later line than the first ones");
-        assert_eq!(decoded_line(b"usemtl p\xe4\xe4ovi").as_ref(), "usemtl pääovi");
-        let (russian, ..) = encoding_rs::WINDOWS_1251.encode("высота");
-        assert!(is_hardly_western(&russian) && !is_hardly_western(western) && !is_hardly_western("высота".as_bytes()));
+        assert_eq!((likely_encoding(western).page, &*decoded_line(western)), (CodePage::WESTERN, "höhe;Straße\n"));
+        assert!(is_usual(likely_encoding(western)) && !is_usual(guess));
+        assert_eq!(decoded(b"K\xf6ln", CodePage::UTF8), "Köln", "a later line than the first ones");
+        assert_eq!(decoded_line(b"usemtl p\xe4\xe4ovi"), "usemtl pääovi");
+        let (russian, ..) = encoding_rs::WINDOWS_1251.encode("usemtl кирпичная стена");
+        assert_eq!(decoded_line(&russian), "usemtl кирпичная стена");
+        assert!(is_hardly_western(&russian) && !is_hardly_western(western));
     }
 
     #[test]

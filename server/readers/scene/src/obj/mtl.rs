@@ -56,7 +56,7 @@ impl MtlMaterial {
 /// those of the model, to be equal.
 pub(super) fn parse(library: &[u8], materials: &mut HashMap<String, MtlMaterial>) {
     let mut current: Option<(String, MtlMaterial)> = None;
-    let encoding = likely_encoding(library);
+    let encoding = likely_encoding(library).page;
     for bytes in library.split(|byte| *byte == b'\n') {
         let line = decoded_line(bytes);
         let (word, rest) = split_word(&line);

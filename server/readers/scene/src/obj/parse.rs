@@ -3,9 +3,9 @@
 
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
-use insula_source::problems::MESH_UNIT;
+use insula_source::problems::{ENCODING_GUESSED, MESH_UNIT};
 use insula_source::source::{NextLine, next_line};
-use insula_source::text::decoded_line;
+use insula_source::text::{decoded, is_usual, likely_encoding};
 use insula_source::units::metres_of;
 use std::collections::HashMap;
 use std::io::BufRead;
@@ -92,7 +92,7 @@ pub(super) fn parse(
             joined.push(b' ');
             continue;
         }
-        parser.statement(&decoded_line(&joined));
+        parser.bytes(&joined);
         joined.clear();
         if status == NextLine::EndOfFile {
             return Ok(parser.finish());
@@ -115,6 +115,8 @@ struct ObjParser<'r> {
     group: u32,
     material_indices: HashMap<String, u32>,
     name_indices: HashMap<String, u32>,
+    /// A guess of the encoding is reported.
+    is_guess_told: bool,
 }
 
 impl<'r> ObjParser<'r> {
@@ -130,7 +132,22 @@ impl<'r> ObjParser<'r> {
             group: 0,
             material_indices: unnamed(),
             name_indices: unnamed(),
+            is_guess_told: false,
         }
+    }
+
+    /// A statement in any encoding. The first guess that is not the usual one is reported, but for comments.
+    fn bytes(&mut self, line: &[u8]) {
+        let guess = likely_encoding(line);
+        let text = decoded(line, guess.page);
+        if !self.is_guess_told && !is_usual(guess) && !text.trim_start().starts_with('#') {
+            self.is_guess_told = true;
+            let (number, page) = (self.line, guess.page);
+            let advice = "write it in UTF-8 if letters are wrong";
+            let detail = format!("line {number}: {}: taken as {page}; {advice}", shorten(&text));
+            self.sink.problem(ENCODING_GUESSED, detail);
+        }
+        self.statement(&text);
     }
 
     fn statement(&mut self, line: &str) {
@@ -266,9 +283,26 @@ mod tests {
     use insula_source::testing::TestSink;
 
     fn parsed(text: &str) -> (ObjFile, Vec<(&'static str, String)>) {
+        parsed_bytes(text.as_bytes())
+    }
+
+    fn parsed_bytes(mut bytes: &[u8]) -> (ObjFile, Vec<(&'static str, String)>) {
         let mut sink = TestSink::default();
-        let file = parse("a.obj", &mut text.as_bytes(), 1 << 20, &mut sink, &|| 0).unwrap();
+        let file = parse("a.obj", &mut bytes, 1 << 20, &mut sink, &|| 0).unwrap();
         (file, sink.problems)
+    }
+
+    #[test]
+    fn names_in_other_encodings_are_guessed_and_reported_once() {
+        // A comment and names in Windows-1251: Дом, стена and крыша.
+        let comment = b"# \xc4\xee\xec\n";
+        let (file, problems) = parsed_bytes(comment);
+        assert!(problems.is_empty() && file.names.len() == 1);
+        let names = b"usemtl \xf1\xf2\xe5\xed\xe0\ng \xea\xf0\xfb\xf8\xe0\n";
+        let (file, problems) = parsed_bytes(names);
+        assert_eq!((file.materials[1].as_str(), file.names[1].as_str()), ("стена", "крыша"));
+        assert_eq!(problems.len(), 1);
+        assert!(problems[0].0 == ENCODING_GUESSED && problems[0].1.contains("taken as windows-1251"), "{problems:?}");
     }
 
     #[test]

@@ -7,13 +7,13 @@ use super::geometry::Geometry;
 use super::layer::Layer;
 use super::{geojson, local, wkb, wkt};
 use ::csv::{ByteRecord, Reader, ReaderBuilder};
-use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::code_page::CodePage;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::{Description, ObjectSink};
 use insula_source::problems::ENCODING_GUESSED;
-use insula_source::text::{decoded, is_hardly_western, likely_encoding, split_words};
+use insula_source::text::{decoded, is_usual, likely_encoding, split_words};
 use place::Place;
 use std::io::{BufRead, Read};
 
@@ -34,7 +34,11 @@ struct Columns {
     place: Place,
     srid: Option<usize>,
     delimiter: u8,
-    encoding: &'static Encoding,
+    encoding: CodePage,
+    /// No line was beyond ASCII so far, which would tell the encoding.
+    is_open: bool,
+    /// A line that is not in UTF-8, although others are, is reported.
+    is_mixed: bool,
 }
 
 /// Reads a source, also one of GeoJSON in lines. Fails if no column has geometries, or if it is in a system that cannot be placed.
@@ -53,8 +57,8 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         }
         None => delimiter_of(&head),
     };
-    let encoding = likely_encoding(&head);
-    let is_guess = encoding != UTF_8 && (encoding != WINDOWS_1252 || is_hardly_western(&head));
+    let guess = likely_encoding(&head);
+    let is_open = head.is_ascii();
     let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
     let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
@@ -62,16 +66,15 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut second = ByteRecord::new();
     let has_first = next(input, &mut lines, &mut first)?;
     let has_second = has_first && next(input, &mut lines, &mut second)?;
-    let Some((columns, has_names)) = columns_of(&first, &second, delimiter, encoding) else {
+    let Some((mut columns, has_names)) = columns_of(&first, &second, delimiter, guess.page) else {
         return Err(InputError::unsupported(
             input.label,
             "lines of values without a column of geometries as WKT or GeoJSON, and without columns lon and lat, or x and y",
         ));
     };
-    if is_guess {
-        let (names, encoding) = (columns.names.join(", "), encoding.name());
-        let detail = format!("{}: {names}: taken as {encoding}; write it in UTF-8 if letters are wrong", input.name);
-        writer.sink.problem(ENCODING_GUESSED, detail);
+    columns.is_open = is_open;
+    if !is_usual(guess) {
+        writer.sink.problem(ENCODING_GUESSED, guessed(&columns.names.join(", "), guess.page, input));
     }
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
     let in_degrees = || columns.place.is_in_degrees().then(|| DEGREES.to_owned());
@@ -87,6 +90,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     }
     let mut count = 0;
     while next(input, &mut lines, &mut second)? {
+        columns.settle(&second, input, &mut writer);
         add(&second, &columns, &mut writer)?;
         count += 1;
         if u64::is_multiple_of(count, TICK_LINES) {
@@ -95,6 +99,38 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     }
     writer.sink.tick(bytes_read.get());
     writer.finish()
+}
+
+/// What to tell about the guess of an encoding, by a text that shows it.
+fn guessed(text: &str, page: CodePage, input: &Input<'_>) -> String {
+    format!("{}: {text}: taken as {page}; write it in UTF-8 if letters are wrong", input.name)
+}
+
+impl Columns {
+    fn new(names: Vec<String>, place: Place, delimiter: u8, encoding: CodePage) -> Self {
+        Self { names, place, srid: None, delimiter, encoding, is_open: false, is_mixed: false }
+    }
+
+    /// Guesses the encoding by the first line beyond ASCII, if the beginning of the file has none. Reports one that is not in UTF-8 in a
+    /// file that is.
+    fn settle(&mut self, record: &ByteRecord, input: &Input<'_>, writer: &mut FeatureWriter<'_>) {
+        let line = record.as_slice();
+        let is_settled = !self.is_open && (self.is_mixed || self.encoding != CodePage::UTF8);
+        if is_settled || line.is_ascii() {
+            return;
+        }
+        let guess = likely_encoding(line);
+        if self.is_open {
+            self.encoding = guess.page;
+        }
+        self.is_mixed |= !self.is_open && guess.page != CodePage::UTF8;
+        if self.is_mixed || !is_usual(guess) {
+            let page = guess.page;
+            let text: String = decoded(line, page).chars().filter(|letter| !letter.is_ascii()).take(8).collect();
+            writer.sink.problem(ENCODING_GUESSED, guessed(&text, page, input));
+        }
+        self.is_open = false;
+    }
 }
 
 fn next(
@@ -148,19 +184,14 @@ fn delimiter_of(head: &[u8]) -> u8 {
 }
 
 /// Finds the columns by the first two lines, and whether the first line has their names; `None` without a geometry.
-fn columns_of(
-    first: &ByteRecord,
-    second: &ByteRecord,
-    delimiter: u8,
-    encoding: &'static Encoding,
-) -> Option<(Columns, bool)> {
+fn columns_of(first: &ByteRecord, second: &ByteRecord, delimiter: u8, encoding: CodePage) -> Option<(Columns, bool)> {
     let is_geometry = |field: &[u8]| {
         let text = decoded(field, encoding);
         wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some() || geojson::looks_like_geometry(&text)
     };
     if let Some(geometry) = first.iter().position(is_geometry) {
         let names = (1..=first.len()).map(|number| format!("column {number}")).collect();
-        return Some((Columns { names, place: Place::Text(geometry), srid: None, delimiter, encoding }, false));
+        return Some((Columns::new(names, Place::Text(geometry), delimiter, encoding), false));
     }
     let names: Vec<String> = first.iter().map(|name| decoded(name, encoding).trim().to_owned()).collect();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
@@ -171,7 +202,7 @@ fn columns_of(
     let filled = candidates.iter().copied().find(is_filled).map(Place::Text);
     let place = filled.or_else(|| Place::of_names(&lower)).or_else(|| candidates.first().copied().map(Place::Text))?;
     let srid = SRID_NAMES.iter().find_map(|known| lower.iter().position(|name| name == known));
-    Some((Columns { names, place, srid, delimiter, encoding }, true))
+    Some((Columns { srid, ..Columns::new(names, place, delimiter, encoding) }, true))
 }
 
 fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {

@@ -1,14 +1,17 @@
 //! The table of attributes, in dBASE format: columns of fixed width.
 
-use super::encoding::{Charset, decode, encoding_of, is_odd};
+use super::encoding::{TextSample, decode, encoding_of};
 use insula_source::attributes::{AttributeValue, Attributes};
-use std::io::{BufRead, Read};
+use insula_source::code_page::CodePage;
+use std::io::{BufRead, Cursor, Read};
 
 const HEADER_BYTES: usize = 32;
 const COLUMN_BYTES: usize = 32;
 const END_OF_COLUMNS: u8 = 0x0d;
 const DELETED: u8 = b'*';
 const END_OF_FILE: u8 = 0x1a;
+/// Rows of about this many bytes tell the encoding.
+const SAMPLE_BYTES: usize = 1 << 16;
 /// Julian day number of 1970-01-01.
 const JULIAN_DAY_OF_1970: i64 = 2_440_588;
 
@@ -32,11 +35,12 @@ pub(super) enum Row {
 pub(super) struct AttributeReader<'a> {
     reader: Box<dyn BufRead + 'a>,
     columns: Vec<Column>,
-    /// `None` if the table does not tell.
-    encoding: Option<Charset>,
-    /// The first text that looks as if it were in another encoding, until it is reported.
-    odd_text: Option<String>,
-    has_odd_text: bool,
+    /// That the table tells.
+    told: Option<CodePage>,
+    /// `None` until a text is beyond ASCII.
+    encoding: Option<CodePage>,
+    /// What to warn of about the encoding, until it is reported.
+    warning: Option<String>,
     row: Vec<u8>,
 }
 
@@ -54,52 +58,72 @@ impl<'a> AttributeReader<'a> {
         if rest.len() < wanted {
             return Err("the file ends within its header".to_owned());
         }
+        let told = encoding_of(code_page, header[29]);
+        let names: Vec<&[u8]> = rest.as_chunks::<COLUMN_BYTES>().0.iter().map_while(name_of).collect();
         let mut columns = Vec::new();
         // The first byte of a row tells whether it is deleted.
         let mut used = 1;
-        for column in rest.as_chunks::<COLUMN_BYTES>().0 {
-            if column[0] == END_OF_COLUMNS || column[0] == 0 {
-                break;
-            }
+        for column in &rest.as_chunks::<COLUMN_BYTES>().0[..names.len()] {
             let kind = column[11].to_ascii_uppercase();
             // Texts may be longer than a byte can count.
             let high = if kind == b'C' { usize::from(column[17]) << 8 } else { 0 };
             let bytes = usize::from(column[16]) | high;
-            let end = column[..11].iter().position(|byte| *byte == 0).unwrap_or(11);
             used += bytes;
-            columns.push(Column { name: decode(&column[..end], encoding), kind, bytes, decimals: column[17] });
+            columns.push(Column { name: String::new(), kind, bytes, decimals: column[17] });
         }
         if used > row_bytes {
             return Err(format!("columns of {used} bytes in rows of {row_bytes}"));
         }
-        Ok(Self { reader, columns, encoding, odd_text: None, has_odd_text: false, row: vec![0; row_bytes] })
+        let mut head = Vec::new();
+        let head_bytes = (SAMPLE_BYTES / row_bytes).max(1) * row_bytes;
+        reader.by_ref().take(head_bytes as u64).read_to_end(&mut head).map_err(|cause| cause.to_string())?;
+        let mut sample = TextSample::default();
+        names.iter().for_each(|name| sample.add(name));
+        head.chunks_exact(row_bytes).for_each(|row| add_texts(&columns, row, &mut sample));
+        let reader = Box::new(Cursor::new(head).chain(reader));
+        let mut table = Self { reader, columns, told, encoding: None, warning: None, row: vec![0; row_bytes] };
+        table.settle(&sample);
+        for (column, name) in table.columns.iter_mut().zip(names) {
+            column.name = decode(name, table.encoding.unwrap_or(CodePage::UTF8));
+        }
+        Ok(table)
+    }
+
+    /// Takes the encoding of a sample, if it is beyond ASCII.
+    fn settle(&mut self, sample: &TextSample) {
+        if !sample.is_empty() {
+            let (encoding, warning) = sample.encoding(self.told);
+            (self.encoding, self.warning) = (Some(encoding), warning);
+        }
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(|column| column.name.as_str())
     }
 
-    /// The first text that looks as if it were in another encoding than it is read in, once.
-    pub(super) fn take_odd_text(&mut self) -> Option<String> {
-        self.odd_text.take()
+    /// What to warn of about the encoding, once.
+    pub(super) fn take_warning(&mut self) -> Option<String> {
+        self.warning.take()
     }
 
     pub(super) fn next(&mut self, attributes: &mut Attributes) -> Row {
         if self.reader.read_exact(&mut self.row).is_err() {
             return Row::Missing;
         }
+        if self.encoding.is_none() && !self.row.is_ascii() {
+            let mut sample = TextSample::default();
+            add_texts(&self.columns, &self.row, &mut sample);
+            self.settle(&sample);
+        }
         let Some((flag, mut rest)) = self.row.split_first() else { return Row::Missing };
         if *flag == END_OF_FILE {
             return Row::Missing;
         }
+        let encoding = self.encoding.unwrap_or(CodePage::UTF8);
         for column in &self.columns {
             let Some((field, after)) = rest.split_at_checked(column.bytes) else { break };
             rest = after;
-            if !self.has_odd_text && matches!(column.kind, b'C' | b'V') && is_odd(field, self.encoding) {
-                self.has_odd_text = true;
-                self.odd_text = Some(decode(field, self.encoding).trim_end_matches(['\0', ' ']).to_owned());
-            }
-            if let Some(value) = value(column, field, self.encoding) {
+            if let Some(value) = value(column, field, encoding) {
                 attributes.push(&column.name, value);
             }
         }
@@ -107,8 +131,26 @@ impl<'a> AttributeReader<'a> {
     }
 }
 
+/// The bytes of a column's name; `None` after the last one.
+fn name_of(column: &[u8; COLUMN_BYTES]) -> Option<&[u8]> {
+    let name = column.get(..11).filter(|name| !matches!(name, [END_OF_COLUMNS | 0, ..]))?;
+    name.split(|byte| *byte == 0).next()
+}
+
+/// Adds the texts of a row to those that tell the encoding.
+fn add_texts(columns: &[Column], row: &[u8], sample: &mut TextSample) {
+    let mut rest = row.get(1..).unwrap_or_default();
+    for column in columns {
+        let Some((field, after)) = rest.split_at_checked(column.bytes) else { return };
+        rest = after;
+        if matches!(column.kind, b'C' | b'V') {
+            sample.add(field);
+        }
+    }
+}
+
 /// The value of a field; `None` if it is empty or of a type without a meaning here.
-fn value(column: &Column, field: &[u8], encoding: Option<Charset>) -> Option<AttributeValue> {
+fn value(column: &Column, field: &[u8], encoding: CodePage) -> Option<AttributeValue> {
     match column.kind {
         b'C' | b'V' => {
             let text = decode(field, encoding);

@@ -118,10 +118,8 @@ fn read_shape(
     let mut attributes = Attributes::default();
     if let Some(reader) = table {
         let row = reader.next(&mut attributes);
-        if let Some(text) = reader.take_odd_text() {
-            let advice = "write the encoding, such as GBK, into a .cpg file beside it";
-            let detail = format!("{name}: {text}: taken as Windows-1252, although it looks like another; {advice}");
-            writer.sink.problem(ENCODING_GUESSED, detail);
+        if let Some(warning) = reader.take_warning() {
+            writer.sink.problem(ENCODING_GUESSED, format!("{name}: {warning}"));
         }
         match row {
             Row::Read => {}

@@ -46,7 +46,9 @@ fn delimiters_names_and_encodings() {
     assert_eq!(japanese.objects[0].attributes.get("高さ"), Some(&AttributeValue::Integer(12)));
     assert_eq!(japanese.objects[0].attributes.get("表"), Some(&text("東京")));
     let (russian, ..) = encoding_rs::WINDOWS_1251.encode("wkt,высота\nPOINT(500 600),12\n");
-    assert_eq!(read(read_csv, &[("a.csv", &*russian)]).problems[0].0, ENCODING_GUESSED);
+    let russian = read(read_csv, &[("a.csv", &*russian)]);
+    assert!(russian.problems[0].1.contains("высота: taken as windows-1251"), "{:?}", russian.problems);
+    assert_eq!(russian.objects[0].attributes.get("высота"), Some(&AttributeValue::Integer(12)));
     let nameless = read(read_csv, &[("a.csv", b"POINT(500 600);x\nPOINT(500 700);y\n")]);
     assert_eq!(nameless.objects.len(), 2);
     assert_eq!(nameless.objects[1].attributes.get("column 2"), Some(&text("y")));
@@ -56,6 +58,28 @@ fn delimiters_names_and_encodings() {
     assert_eq!(codes.crs.iter().map(|crs| crs.name.as_str()).collect::<Vec<_>>(), ["EPSG:6677", "EPSG:28992"]);
     let beside = read(read_csv, &[("a.csv", b"wkt,n\nPOINT(1 2),7\n"), ("a.prj", b"PROJCS[\"x\"]")]);
     assert_eq!(beside.crs[0].name, "PROJCS[\"x\"]");
+}
+
+#[test]
+fn the_encoding_may_be_told_far_from_the_beginning() {
+    // Of a column of 10,000 lines, the last ones are beyond ASCII.
+    let (russian, ..) = encoding_rs::WINDOWS_1251.encode("POINT(500 600),Жилой дом\nPOINT(500 600),Школа\n");
+    let lines = [b"wkt,n\n".to_vec(), b"POINT(500 600),a\n".repeat(10_000), russian.into_owned()].concat();
+    let sink = read(read_csv, &[("a.csv", &lines)]);
+    let [.., first, second] = &sink.objects[..] else { panic!() };
+    assert_eq!(
+        (first.attributes.get("n"), second.attributes.get("n")),
+        (Some(&text("Жилой дом")), Some(&text("Школа")))
+    );
+    assert_eq!(sink.problems.len(), 1);
+    assert_eq!(sink.problems[0].0, ENCODING_GUESSED);
+    // A line that is not in UTF-8, among others that are.
+    let lines = [b"wkt,n\nPOINT(500 600),".to_vec(), "высота\n".into(), b"POINT(500 600),a\n".repeat(10_000)].concat();
+    let lines = [&lines[..], b"POINT(500 600),K\xf6ln\n", "POINT(500 600),дом\n".as_bytes()].concat();
+    let sink = read(read_csv, &[("a.csv", &lines)]);
+    let [.., first, second] = &sink.objects[..] else { panic!() };
+    assert_eq!((first.attributes.get("n"), second.attributes.get("n")), (Some(&text("Köln")), Some(&text("дом"))));
+    assert_eq!(sink.problems.len(), 1, "{:?}", sink.problems);
 }
 
 #[test]

@@ -4,6 +4,7 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_shapefile;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, PointOnGround, Shape};
+use insula_source::problems::ENCODING_GUESSED;
 
 type Positions<'a> = &'a [[f64; 3]];
 
@@ -124,6 +125,24 @@ fn code_page_files_name_the_encoding() {
     assert_eq!(name(0x13, None, b"\x93\x8c\x8b\x9e"), "東京");
     assert_eq!(name(0, Some(b"CP936\r\n"), b"\xb1\xb1\xbe\xa9"), "北京");
     assert_eq!(name(0, None, b"caf\xe9 "), "café");
+    // ArcGIS tells the encoding of no country by this number.
+    let (russian, ..) = encoding_rs::WINDOWS_1251.encode("Жилой дом");
+    assert_eq!(name(0x57, None, &russian), "Жилой дом");
+    assert_eq!(name(0x57, None, "東京".as_bytes()), "東京");
+    assert_eq!(name(0, Some(b"1251"), &russian), "Жилой дом");
+    assert_eq!(name(0, Some(b"UTF-8"), &russian), "Жилой дом");
+}
+
+#[test]
+fn a_guess_of_the_encoding_is_reported_and_names_columns_too() {
+    let shapes = shp(&[shape(5, &[(0, &ring(&square(0.0, 0.0, 9.0), 0.0))])]);
+    let (name, ..) = encoding_rs::WINDOWS_1251.encode("ЭТАЖНОСТЬ");
+    let mut table = dbf(0, &[("---------", b'C', 9, 0)], &[&[b" ", &*name].concat()]);
+    table[32..41].copy_from_slice(&name);
+    let sink = read(read_shapefile, &[("a.shp", &shapes), ("a.dbf", &table)]);
+    assert_eq!(sink.objects[0].attributes, attributes(&[("ЭТАЖНОСТЬ", text("ЭТАЖНОСТЬ"))]));
+    assert_eq!(sink.problems[0].0, ENCODING_GUESSED);
+    assert!(sink.problems[0].1.contains("taken as windows-1251"), "{:?}", sink.problems);
 }
 
 #[test]
