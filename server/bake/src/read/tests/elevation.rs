@@ -547,9 +547,9 @@ fn files_of_gdal_beside_a_model_tell_its_place_and_its_unit() {
 }
 
 #[test]
-fn a_mask_of_gdal_beside_a_model_is_named() {
+fn a_mask_beside_a_model_that_cannot_be_read_is_named() {
     let dem = grid([-100.0, -100.0], [41, 41], 5.0, ground_m);
     let files = [("a.geojson", &*house([-20.0, 20.0])), ("dem.asc", &dem), ("dem.asc.msk", "")];
     let (_, report) = read_files("mask", &files, &ReadOptions::default());
-    assert!(report.placing_warnings().any(|text| text.starts_with("dem.asc.msk hides pixels")));
+    assert!(report.placing_warnings().any(|text| text.starts_with("dem.asc.msk hides pixels and cannot be read")));
 }

@@ -157,18 +157,13 @@ impl Elevation {
         if let Some(nodata) = nodata.or(aux.nodata) {
             raster.set_nodata(nodata);
         }
+        let (mask, unread) = mask_beside(source, &mut raster);
         let facts = raster.facts();
-        let mut warnings: Vec<String> = raster.warning().into_iter().collect();
+        let mut warnings: Vec<String> = raster.warning().into_iter().chain(unread).collect();
         if let Some(unit) = &facts.unknown_unit {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }
         warnings.extend(facts.crs.other_unit.clone());
-        let mask = format!("{}.msk", unpacked_name(&source.name));
-        if source.files.len(&mask).is_ok() {
-            let advice =
-                "write it into the file with gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES, or give --nodata";
-            warnings.push(format!("{mask} hides pixels and is not read; {advice}"));
-        }
         let (is_picture, guess) = raster.is_picture(unpacked_name(&source.name));
         warnings.extend(guess.map(str::to_owned));
         let place = match facts.place {
@@ -178,7 +173,8 @@ impl Elevation {
         let crs = crs_of(source, &raster);
         self.is_settled = false;
         let list = if is_picture { &mut self.pictures } else { &mut self.models };
-        let mut placed = PlacedRaster::new(&source.label, number, raster, place, crs, file);
+        let files = [file].into_iter().chain(mask).collect();
+        let mut placed = PlacedRaster::new(&source.label, number, raster, place, crs, files);
         placed.is_surroundings = source.is_surroundings;
         placed.heights_m = if nodata.is_some() { HEIGHTS_AND_DEPTHS_M } else { HEIGHTS_M };
         list.push(placed);
@@ -369,6 +365,27 @@ fn open_terrain(source: &CitySource<'_>, file: &LocalFile) -> Result<Raster, Inp
     let tiles = Box::new(TerrainFiles::new(folder));
     let opened = Raster::open_quantized_mesh(&layer, tiles, RasterLimits::default());
     opened.map_err(|error| raster_fault(&source.label, error))
+}
+
+/// Gives a raster the mask of GDAL that lies beside it, `dem.tif.msk`. Returns the file, if there is one, and what to warn of if it cannot be
+/// read.
+fn mask_beside(source: &CitySource<'_>, raster: &mut Raster) -> (Option<LocalFile>, Option<String>) {
+    let name = format!("{}.msk", unpacked_name(&source.name));
+    if source.files.len(&name).is_err() {
+        return (None, None);
+    }
+    let opened = source.files.on_disk(&name).map_err(RasterError::Io).and_then(|file| {
+        raster.set_mask(Box::new(std::io::BufReader::new(File::open(&file.path)?)))?;
+        Ok(file)
+    });
+    match opened {
+        Ok(file) => (Some(file), None),
+        Err(error) => {
+            let advice =
+                "write it into the file with gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES, or give --nodata";
+            (None, Some(format!("{name} hides pixels and cannot be read: {error}; {advice}")))
+        }
+    }
 }
 
 /// Where a raster without a place of its own is: what the world file beside it says.

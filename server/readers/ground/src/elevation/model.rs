@@ -40,8 +40,8 @@ pub(super) struct PlacedRaster {
     crs: Option<CrsReference>,
     /// Known once the world has a coordinate system.
     pub(super) placed: Option<RasterPlacement>,
-    /// It is a copy, if the raster was packed.
-    _file: LocalFile,
+    /// Its own and that of its mask. They are copies, if they were packed.
+    _files: Vec<LocalFile>,
 }
 
 /// A raster's place in the world.
@@ -69,7 +69,7 @@ impl PlacedRaster {
         raster: Raster,
         place: GeoPlace,
         crs: Option<CrsReference>,
-        file: LocalFile,
+        files: Vec<LocalFile>,
     ) -> Self {
         Self {
             label: label.to_owned(),
@@ -83,7 +83,7 @@ impl PlacedRaster {
             place,
             crs,
             placed: None,
-            _file: file,
+            _files: files,
         }
     }
 

@@ -103,6 +103,8 @@ pub(crate) struct Raster {
     content: Content,
     /// Factor and summand of heights, of formats that have none of their own.
     rule: Option<[f64; 2]>,
+    /// The file beside the raster that tells which pixels have a value.
+    mask: Option<Box<TiffRaster>>,
 }
 
 /// The formats.
@@ -141,7 +143,7 @@ impl Raster {
         } else {
             return Err(RasterError::NotThisFormat);
         };
-        Ok(Self { facts, limits, content, rule: None })
+        Ok(Self { facts, limits, content, rule: None, mask: None })
     }
 
     /// Opens terrain of Cesium by its `layer.json` and the files beside it.
@@ -151,7 +153,8 @@ impl Raster {
         limits: RasterLimits,
     ) -> Result<Self, RasterError> {
         let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
-        Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)), rule: None })
+        let content = Content::QuantizedMesh(Box::new(terrain));
+        Ok(Self { facts, limits, content, rule: None, mask: None })
     }
 
     /// Sets the value that marks missing heights besides the declared one, for formats that can have such.
@@ -180,6 +183,22 @@ impl Raster {
             (_, Some(rule)) => self.rule = Some(rule),
             (_, None) => {}
         }
+    }
+
+    /// Takes the mask of a file beside the raster: pixels that are 0 there have no value. Smaller copies of the raster of which the mask has
+    /// no copy are not read. Fails if it is no TIFF file, or has another size.
+    pub(crate) fn set_mask(&mut self, reader: Box<dyn ReadSeek>) -> Result<(), RasterError> {
+        let (mask, facts) = TiffRaster::open(Source::new(reader)?, self.limits)?;
+        if facts.size != self.facts.size {
+            let [own, other] = [self.facts.size, facts.size].map(|size| format!("{} x {}", size.width, size.height));
+            return Err(RasterError::unsupported(format!("a mask of {other} pixels for {own}")));
+        }
+        self.facts.levels.retain(|size| facts.levels.contains(size));
+        if let Content::Tiff(tiff) = &mut self.content {
+            tiff.keep_levels(&facts.levels);
+        }
+        self.mask = Some(Box::new(mask));
+        Ok(())
     }
 
     /// What is inexact or guessed about the heights.
@@ -240,6 +259,9 @@ impl Raster {
         if let Some([scale, offset]) = self.rule {
             heights.iter_mut().for_each(|height| *height = (f64::from(*height) * scale + offset) as f32);
         }
+        if let (Some(mask), Some(size)) = (&mut self.mask, self.facts.levels.get(level)) {
+            mask.visit_hidden(window, *size, |pixel| heights[pixel] = f32::NAN)?;
+        }
         Ok(heights)
     }
 
@@ -249,13 +271,17 @@ impl Raster {
     /// Fails if the window is not within the level.
     pub(crate) fn read_colours(&mut self, window: Window, level: usize) -> Result<Vec<[u8; 4]>, RasterError> {
         let len = self.window_len(window, level)?;
-        match &mut self.content {
+        let mut pixels = match &mut self.content {
             Content::Tiff(tiff) => tiff.read_colours(window, level, len),
             Content::Picture(picture) => picture.read_colours(window, len),
             Content::Hgt(_) | Content::Ascii(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {
                 Err(RasterError::unsupported("heights in place of colours"))
             }
+        }?;
+        if let (Some(mask), Some(size)) = (&mut self.mask, self.facts.levels.get(level)) {
+            mask.visit_hidden(window, *size, |pixel| pixels[pixel][3] = 0)?;
         }
+        Ok(pixels)
     }
 
     fn window_len(&self, window: Window, level: usize) -> Result<usize, RasterError> {

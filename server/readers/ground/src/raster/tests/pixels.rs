@@ -194,11 +194,35 @@ fn smaller_copies_and_masks() {
     let bytes = file(TestForm::default(), &images);
     let raster = open(&bytes).unwrap();
     let widths: Vec<u32> = raster.facts().levels.iter().map(|level| level.width).collect();
-    assert_eq!((widths, raster.facts().has_mask), (vec![4, 2, 1], true));
+    assert_eq!((widths, raster.facts().has_mask), (vec![4, 2], true), "the smallest copy has no mask");
     assert_eq!(raster.facts().levels[1], RasterSize { width: 2, height: 1 });
     assert_heights(&heights(&bytes, 0), &[1.0, f32::NAN, 3.0, 4.0]);
     assert_heights(&heights(&bytes, 1), &[f32::NAN, 7.0]);
-    assert_heights(&heights(&bytes, 2), &[8.0]);
+    assert_heights(&heights(&file(TestForm::default(), &[images[0].clone(), images[2].clone()]), 1), &[8.0]);
+}
+
+#[test]
+fn masks_beside_a_raster_hide_pixels() {
+    let copy = floats(&[6.0, 7.0]).shorts(254, &[1]);
+    let bytes = file(TestForm::default(), &[floats(&[1.0, 2.0, 3.0, 4.0]), copy]);
+    let mask = |pixels: &[u8]| TestImage::new([pixels.len() as u16, 1], 1, [8, 1], pixels.to_vec());
+    let masked = |images: &[TestImage]| {
+        let mut raster = open(&bytes).unwrap();
+        let reader = std::io::Cursor::new(file(TestForm::default(), images));
+        raster.set_mask(Box::new(reader)).map(|()| raster)
+    };
+    let window = |width| Window { x: 0, y: 0, width, height: 1 };
+    let mut raster = masked(&[mask(&[255, 0, 255, 1])]).unwrap();
+    assert_eq!(raster.facts().levels, [RasterSize { width: 4, height: 1 }], "no copy without a mask");
+    assert_heights(&raster.read_heights(window(4), 0).unwrap(), &[1.0, f32::NAN, 3.0, 4.0]);
+    let mut raster = masked(&[mask(&[255; 4]), mask(&[0, 255]).shorts(254, &[1])]).unwrap();
+    assert_heights(&raster.read_heights(window(2), 1).unwrap(), &[f32::NAN, 7.0]);
+    assert!(masked(&[mask(&[255, 0])]).is_err(), "of another size");
+    // Pictures, too.
+    let picture = TestImage::new([2, 1], 3, [8, 1], vec![9; 6]).shorts(262, &[2]).file();
+    let mut raster = open(&picture).unwrap();
+    raster.set_mask(Box::new(std::io::Cursor::new(mask(&[0, 255]).file()))).unwrap();
+    assert_eq!(raster.read_colours(window(2), 0).unwrap(), [[9, 9, 9, 0], [9, 9, 9, 255]]);
 }
 
 #[test]

@@ -79,6 +79,10 @@ impl TiffRaster {
         };
         let (mut levels, masks) = other_images(&mut file, first.next, &main.layout)?;
         levels.sort_by_key(|level| std::cmp::Reverse(level.layout.size.pixels()));
+        if image_of_size(&masks, main.layout.size).is_some() {
+            // A copy without a mask has values where the image has none.
+            levels.retain(|level| image_of_size(&masks, level.layout.size).is_some());
+        }
         levels.insert(0, main);
         facts.levels = levels.iter().map(|level| level.layout.size).collect();
         facts.has_mask = masks.iter().any(|mask| mask.layout.size == facts.size);
@@ -162,6 +166,27 @@ impl TiffRaster {
         Some(is_alpha && full.is_some())
     }
 
+    /// Leaves out the smaller copies of other sizes.
+    pub(super) fn keep_levels(&mut self, sizes: &[RasterSize]) {
+        self.levels.retain(|level| sizes.contains(&level.layout.size));
+    }
+
+    /// Calls `hide` with each pixel of a window of a level that has no value, of a file that is the mask of another. Its size is that of
+    /// the level.
+    pub(super) fn visit_hidden(
+        &mut self,
+        window: Window,
+        size: RasterSize,
+        mut hide: impl FnMut(usize),
+    ) -> Result<(), RasterError> {
+        let image = image_of_size(&self.levels, size).ok_or(RasterError::Outside)?;
+        self.chunks.visit(image, (&[0], window), 0.0, |_, pixel, number| {
+            if number == 0.0 {
+                hide(pixel);
+            }
+        })
+    }
+
     /// Makes numbers heights by another factor and summand.
     pub(super) fn set_rule(&mut self, [scale, offset]: [f64; 2]) {
         self.heights = HeightRule { scale, offset };
@@ -210,7 +235,7 @@ impl TiffRaster {
                 heights[pixel] = f32::NAN;
             }
         })?;
-        if let Some(mask) = mask_of(&self.masks, image.layout.size) {
+        if let Some(mask) = image_of_size(&self.masks, image.layout.size) {
             self.chunks.visit(mask, (&[0], window), 0.0, |_, pixel, number| {
                 if number == 0.0 {
                     heights[pixel] = f32::NAN;
@@ -233,7 +258,7 @@ impl TiffRaster {
         self.chunks.visit(image, (&colours.bands, window), self.nodata.unwrap_or(0.0), |slot, pixel, number| {
             colours.add(&mut pixels[pixel], slot, number);
         })?;
-        if let Some(mask) = mask_of(&self.masks, image.layout.size) {
+        if let Some(mask) = image_of_size(&self.masks, image.layout.size) {
             self.chunks.visit(mask, (&[0], window), 0.0, |_, pixel, number| {
                 if number == 0.0 {
                     pixels[pixel][3] = 0;
@@ -304,6 +329,6 @@ fn level_of(levels: &[TiffImage], level: usize) -> Result<&TiffImage, RasterErro
     levels.get(level).ok_or(RasterError::Outside)
 }
 
-fn mask_of(masks: &[TiffImage], size: RasterSize) -> Option<&TiffImage> {
-    masks.iter().find(|mask| mask.layout.size == size)
+fn image_of_size(images: &[TiffImage], size: RasterSize) -> Option<&TiffImage> {
+    images.iter().find(|image| image.layout.size == size)
 }
