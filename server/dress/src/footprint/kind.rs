@@ -7,6 +7,9 @@ use insula_source::text::split_words;
 /// An attribute and its values; without values, all but `no`.
 type Tag = (&'static str, &'static [&'static str]);
 
+/// It is of buildings, too.
+const HARBOUR_USE: Tag = ("landuse", &["harbour"]);
+
 /// Tags by kind, the more certain ones first.
 const TAGS: &[(FeatureKind, &[Tag])] = &[
     (FeatureKind::Bridge, &[("man_made", &["bridge"])]),
@@ -46,8 +49,8 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
         &[
             (
                 "landuse",
-                &split_words::<24>(
-                    "residential commercial retail industrial harbour port farmland farmyard allotments cemetery \
+                &split_words::<23>(
+                    "residential commercial retail industrial port farmland farmyard allotments cemetery \
                     railway construction brownfield greenfield quarry landfill military garages recreation_ground \
                     religious education institutional plant_nursery greenhouse_horticulture",
                 ),
@@ -57,8 +60,8 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
             ("amenity", &["parking"]),
         ],
     ),
-    // The land of a harbour is land use.
-    (FeatureKind::Water, &[("harbour", &[])]),
+    // A harbour with a tag of land is land use.
+    (FeatureKind::Water, &[("harbour", &[]), HARBOUR_USE, ("seamark:type", &["harbour_basin", "lock_basin", "dock"])]),
 ];
 
 /// Attributes that only buildings have: `landuse` and the like then say what the building is for.
@@ -90,6 +93,9 @@ const OVERTURE_BUILDING_ATTRIBUTES: &[&str] =
 /// Classes of Overture's subtype `physical` that are water.
 const OVERTURE_WATERS: &[&str] = &["bay", "strait", "lagoon", "sea", "ocean", "fairway", "tidal_channel"];
 
+/// Classes of Overture's land use that are water.
+const OVERTURE_HARBOURS: &[&str] = &["marina", "harbour", "harbor", "dock"];
+
 /// The kind of a feature by its attributes; `None` if they do not tell. What is said to be a building is one, whatever else
 /// is said.
 pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
@@ -116,7 +122,9 @@ pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
         false => value(name).is_some_and(|value| values.contains(&&*value)),
     };
     let found = TAGS.iter().find(|(_, tags)| tags.iter().any(has)).map(|(kind, _)| *kind);
-    found.filter(|kind| *kind != FeatureKind::LandUse || !is_building)
+    let is_quay = value("surface").is_some() || value("industrial").is_some();
+    let found = found.map(|kind| if has(&HARBOUR_USE) && is_quay { FeatureKind::LandUse } else { kind });
+    found.filter(|kind| !is_building || *kind != FeatureKind::LandUse && !has(&HARBOUR_USE))
 }
 
 /// Whether a feature has the members that all of Overture have. GeoJSON may have the identifier elsewhere.
@@ -137,6 +145,9 @@ fn of_overture(attributes: &Attributes) -> Option<FeatureKind> {
     }
     let subtype = attributes.get("subtype")?.as_str()?;
     let class = attributes.get("class").and_then(AttributeValue::as_str);
+    if class.is_some_and(|class| OVERTURE_HARBOURS.contains(&class)) {
+        return Some(FeatureKind::Water);
+    }
     if subtype == "physical" && class.is_some_and(|class| OVERTURE_WATERS.contains(&class)) {
         return Some(FeatureKind::Water);
     }
@@ -180,7 +191,10 @@ mod tests {
         assert_eq!(kind(&[("BUILDING", "N"), ("WATER", "City"), ("LANDUSE", "forest")]), Some(FeatureKind::Vegetation));
         assert_eq!(kind(&[("leisure", "marina")]), Some(FeatureKind::Water));
         assert_eq!(kind(&[("harbour", "yes")]), Some(FeatureKind::Water));
-        assert_eq!(kind(&[("harbour", "yes"), ("landuse", "harbour")]), Some(FeatureKind::LandUse));
+        assert_eq!(kind(&[("harbour", "yes"), ("landuse", "harbour")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("landuse", "harbour")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("landuse", "harbour"), ("surface", "concrete")]), Some(FeatureKind::LandUse));
+        assert_eq!(kind(&[("landuse", "harbour"), ("height", "12")]), None, "the use of a building");
         assert_eq!(kind(&[("landuse", "port")]), Some(FeatureKind::LandUse));
         assert_eq!(kind(&[("name", "x")]), None);
     }
@@ -193,6 +207,8 @@ mod tests {
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "road"), ("class", "primary")]), Some(FeatureKind::Road));
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "bay")]), Some(FeatureKind::Water));
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "cape")]), None);
+        let marina = [("id", "a"), source, ("subtype", "recreation"), ("class", "marina")];
+        assert_eq!(kind(&marina), Some(FeatureKind::Water));
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "residential")]), None);
         let house = [("id", "a"), source, ("version", "1"), ("class", "house"), ("subtype", "residential")];
         assert_eq!(kind(&[&house[..], &[("height", "10")]].concat()), Some(FeatureKind::Building));

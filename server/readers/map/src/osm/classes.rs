@@ -80,6 +80,7 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("amenity", &["shelter"], Building),
     ("natural", &["water", "bay", "strait"], Water),
     ("waterway", &["riverbank", "dock"], Water),
+    ("seamark:type", &["harbour_basin", "lock_basin", "dock"], Water),
     ("landuse", &["reservoir", "basin"], Water),
     // Unless there is a coast, see `is_harbour`.
     ("leisure", &["swimming_pool", "marina"], Water),
@@ -104,16 +105,17 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("aeroway", &["aerodrome"], LandUse),
     (
         "landuse",
-        &split_words::<23>(
+        &split_words::<22>(
             "residential commercial retail industrial farmland farmyard farm greenhouse_horticulture cemetery \
             religious education institutional garages railway quarry landfill brownfield greenfield construction \
-            depot harbour port salt_pond",
+            depot port salt_pond",
         ),
         LandUse,
     ),
     ("amenity", &["grave_yard", "school", "kindergarten", "university", "college", "hospital"], LandUse),
-    // The last rule: a harbour with a tag of land is land. In a map with a coastline, the coastline decides.
+    // The last rules: a harbour with a tag of land is land, see also `is_quay`. In a map with a coastline, the coastline decides.
     ("harbour", &[], Water),
+    ("landuse", &["harbour"], Water),
 ];
 
 /// The class of a way or a multipolygon.
@@ -189,10 +191,20 @@ pub(super) fn plant(tags: Tags<'_>) -> Option<&str> {
 /// Whether an area is a harbour or marina, of which nothing else says that it is water. Where there is a coast, that tells which part
 /// of it is.
 pub(super) fn is_harbour(class: Class, tags: Tags<'_>) -> bool {
-    match class.key {
+    let is_told = match class.key {
         "leisure" => tags.get("leisure") == Some("marina"),
+        "landuse" => tags.get("landuse") == Some("harbour"),
         key => key == "harbour",
-    }
+    };
+    is_told && class.kind == Water
+}
+
+/// Whether an area with a tag of harbours is their land: it has a pavement or an industry.
+fn is_quay(tags: Tags<'_>, key: &str) -> bool {
+    let is_harbour = key == "harbour" || key == "landuse" && tags.get("landuse") == Some("harbour");
+    // In tables, a number is the area.
+    let is_paved = value(tags, "surface").is_some_and(|surface| surface.starts_with(char::is_alphabetic));
+    is_harbour && (is_paved || value(tags, "industrial").is_some())
 }
 
 /// Whether tags say nothing of what an element is, so that they may be on the outer ring, as in maps before 2017.
@@ -218,15 +230,16 @@ fn area(tags: Tags<'_>, outline: Outline) -> Verdict {
     let found = AREAS
         .iter()
         .find(|(key, values, _)| value(tags, key).is_some_and(|value| values.is_empty() || values.contains(&value)));
-    let Some((key, _, kind)) = found else { return Verdict::Other };
-    let is_line = tags.get("area") == Some("no") || *key == "leisure" && tags.get("leisure") == Some("track");
+    let Some(&(key, _, kind)) = found else { return Verdict::Other };
+    let kind = if is_quay(tags, key) { LandUse } else { kind };
+    let is_line = tags.get("area") == Some("no") || key == "leisure" && tags.get("leisure") == Some("track");
     match outline {
         Outline::OpenWay if is_line => Verdict::Other,
         Outline::ClosedWay if tags.get("area") == Some("no") => Verdict::Other,
         Outline::OpenWay => Verdict::LeftOut(NOT_CLOSED),
-        _ => match reason_to_hide(tags, *kind) {
+        _ => match reason_to_hide(tags, kind) {
             Some(reason) => Verdict::LeftOut(reason),
-            None => Verdict::Object(Class { kind: *kind, key, form: Form::Area }),
+            None => Verdict::Object(Class { kind, key, form: Form::Area }),
         },
     }
 }
@@ -291,7 +304,12 @@ mod tests {
             (&[("building", "no"), ("building:part", "tower")], ClosedWay, BuildingPart),
             (&[("landuse", "basin"), ("natural", "water")], Multipolygon, Water),
             (&[("harbour", "yes")], ClosedWay, Water),
-            (&[("harbour", "yes"), ("landuse", "harbour")], ClosedWay, LandUse),
+            (&[("harbour", "yes"), ("landuse", "harbour")], ClosedWay, Water),
+            (&[("landuse", "harbour")], Multipolygon, Water),
+            (&[("seamark:type", "harbour_basin")], ClosedWay, Water),
+            (&[("landuse", "harbour"), ("surface", "concrete")], ClosedWay, LandUse),
+            (&[("harbour", "yes"), ("landuse", "industrial")], ClosedWay, LandUse),
+            (&[("landuse", "port")], ClosedWay, LandUse),
             (&[("landuse", "grass")], ClosedWay, Vegetation),
             (&[("leisure", "pitch")], ClosedWay, LandUse),
             (&[("highway", "pedestrian"), ("area", "yes")], ClosedWay, Road),

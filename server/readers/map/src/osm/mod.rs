@@ -44,7 +44,7 @@ use std::ops::{ControlFlow, Range};
 use survey::Survey;
 pub(crate) use tagged::kind_by_tags;
 
-const AT_COAST: &str = "marina at the sea, whose coastline tells what is water";
+const AT_COAST: &str = "harbour at the sea, whose coastline tells what is water";
 /// The sea reaches at most so far beyond the border of the map, in units: 550 m to the north.
 const MOST_BEYOND: i32 = 50_000;
 const COVERED: &str = "outline covered by its building parts";

@@ -15,8 +15,9 @@ const AREA_CLASSES: &[(&str, &[&str])] = &[
     ("waterway", &["riverbank", "dock"]),
     (
         "leisure",
-        &["park", "pitch", "playground", "golf_course", "dog_park", "stadium", "sports_centre", "swimming_pool"],
+        &split_words::<9>("park pitch playground golf_course dog_park stadium sports_centre swimming_pool marina"),
     ),
+    ("man_made", &["pier"]),
     ("amenity", &["parking", "school", "kindergarten", "university", "college", "hospital"]),
     ("aeroway", &["apron", "helipad"]),
     (
@@ -102,6 +103,9 @@ mod tests {
             ("fclass", "residential", Some(Ok(LandUse))),
             ("fclass", "forest", Some(Ok(Vegetation))),
             ("fclass", "building", Some(Ok(Building))),
+            ("fclass", "marina", Some(Ok(Water))),
+            ("fclass", "pier", Some(Ok(Road))),
+            ("LANDUSE", "Harbour", Some(Ok(Water))),
             ("fclass", "national_park", None),
         ] {
             assert_eq!(kind(key, value, true), expected, "{key}={value}");
