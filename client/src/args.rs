@@ -112,8 +112,8 @@ fn picture_path() -> impl TypedValueParser<Value = PathBuf> {
 pub struct ViewArgs {
     #[command(flatten)]
     pub place: PlaceArgs,
-    /// Camera to begin with: a camera file, or the `camera=` text of a view link [default: that of the view link, else the first view of
-    /// the city].
+    /// Camera to begin with: LON,LAT,HEIGHT,HEADING,PITCH[,FOV] in degrees and metres; or, in metres of the city's system, a camera file or
+    /// a view link [default: that of the view link, else the first view of the city].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<PathBuf>,
     /// Show the city with a proposal: a TOML file of models and blocks that are added, and of objects that are removed.

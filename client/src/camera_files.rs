@@ -1,9 +1,11 @@
-//! Camera and camera path files.
+//! Cameras of options, and files of cameras and camera paths.
 
 use crate::error::{ClientError, Result};
 use insula_archive::file::read_text;
 use insula_archive::new_file::replace;
+use insula_command_line::camera::{EarthCamera, GivenCamera, degrees_fault};
 use insula_command_line::output::unused_file;
+use insula_protocol::Manifest;
 use insula_viewer::camera::{Camera, CameraFile, CameraPath};
 use insula_viewer::camera_text;
 use serde::Serialize;
@@ -12,25 +14,64 @@ use std::path::{Path, PathBuf};
 /// Larger files are refused. A path of an hour has some megabytes.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// The camera of an option: the text of a camera as view links have it, or a camera file. Fails if a file cannot be read or holds no valid
-/// camera.
-pub fn read_camera(text_or_file: &Path) -> Result<Camera> {
-    Ok(read_camera_file(text_or_file)?.1)
+/// The camera of an option or of a link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PlacedCamera {
+    /// In metres of the city, with what a file says of it, digit by digit.
+    InCity(CameraFile, Camera),
+    /// In degrees: its metres need the city.
+    OnEarth(EarthCamera),
 }
 
-/// The same with what a file says, digit by digit.
-pub fn read_camera_file(text_or_file: &Path) -> Result<(CameraFile, Camera)> {
-    let text = text_or_file.to_string_lossy();
-    // A copied link or address has the text in it.
-    let (_, of_link) = text.split_once("camera=").unwrap_or(("", &text));
-    let camera = of_link.split(['&', '#']).next().unwrap_or_default().replace("%2C", ",");
-    match camera_text::parse(&camera) {
-        Some(camera) => Ok((CameraFile::from_camera(&camera), camera)),
-        None if camera.contains(',') && !text_or_file.exists() => Err(ClientError::Usage(format!(
-            "--camera {camera}: write X,Y,Z,AZIMUTH,PITCH,FOV in metres and degrees, with a field of view of 1 to 170, or name a camera file"
-        ))),
-        None => read(text_or_file, CameraFile::parse),
+impl PlacedCamera {
+    /// The camera, if it needs no city.
+    pub fn known(self) -> Option<Camera> {
+        match self {
+            Self::InCity(_, camera) => Some(camera),
+            Self::OnEarth(_) => None,
+        }
     }
+
+    /// The camera in a city. Fails if it is far from it, or if a file or a link has degrees.
+    pub fn in_city(self, manifest: &Manifest) -> Result<(CameraFile, Camera)> {
+        match self {
+            Self::InCity(file, camera) => {
+                let [x, y, _] = file.position;
+                degrees_fault(manifest, [x, y]).map_or(Ok((file, camera)), |fault| Err(ClientError::Usage(fault)))
+            }
+            Self::OnEarth(typed) => {
+                let camera = camera_text::of_numbers(typed.in_city(manifest).map_err(ClientError::Usage)?);
+                let camera = camera.ok_or_else(|| ClientError::Usage("--camera is out of range".to_owned()))?;
+                Ok((CameraFile::from_camera(&camera), camera))
+            }
+        }
+    }
+}
+
+impl From<Camera> for PlacedCamera {
+    fn from(camera: Camera) -> Self {
+        Self::InCity(CameraFile::from_camera(&camera), camera)
+    }
+}
+
+/// The camera of `--camera`. Fails if it is neither a camera nor a file, or if the file cannot be read or holds no valid camera.
+pub fn given_camera(value: &Path) -> Result<PlacedCamera> {
+    match GivenCamera::parse(value).map_err(ClientError::Usage)? {
+        GivenCamera::OnEarth(camera) => Ok(PlacedCamera::OnEarth(camera)),
+        GivenCamera::InCity(numbers) => {
+            let camera = camera_text::of_numbers(numbers);
+            camera.map(PlacedCamera::from).ok_or_else(|| ClientError::Usage("--camera is out of range".to_owned()))
+        }
+        GivenCamera::File(path) => {
+            let (file, camera) = read(&path, CameraFile::parse)?;
+            Ok(PlacedCamera::InCity(file, camera))
+        }
+    }
+}
+
+/// Reads a camera file. Fails if it cannot be read or holds no valid camera.
+pub fn read_camera(path: &Path) -> Result<Camera> {
+    Ok(read(path, CameraFile::parse)?.1)
 }
 
 /// Reads a camera path file. Fails if it cannot be read or holds no valid path.
@@ -62,7 +103,7 @@ mod tests {
         let path = folder.path().join("camera.json");
         let json = r#"{"position":[85013.7,446900.3,61.1],"target":[85047.1,446931.9,11.3],"fov_y_deg":57.3}"#;
         std::fs::write(&path, json).unwrap();
-        let (file, camera) = read_camera_file(&path).unwrap();
+        let PlacedCamera::InCity(file, camera) = given_camera(&path).unwrap() else { panic!("no camera in metres") };
         assert_eq!((file.target, file.up, file.fov_y_deg), ([85_047.1, 446_931.9, 11.3], [0.0, 0.0, 1.0], 57.3));
         assert_ne!(CameraFile::from_camera(&camera).target, file.target, "that is a hundred metres away");
         assert_eq!(read_camera(&path).unwrap(), camera);

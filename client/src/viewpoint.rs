@@ -1,14 +1,15 @@
-//! Where a picture is taken: a camera file, a place in degrees, or the first view of the city.
+//! Where a picture is taken: a camera, a place in degrees, or the first view of the city.
 
 use crate::args::{StreetPlace, Target, ViewpointArgs};
-use crate::camera_files::read_camera;
+use crate::camera_files::{PlacedCamera, given_camera};
 use crate::error::{ClientError, Result};
 use crate::session::Session;
 use glam::DVec2;
+use insula_command_line::camera::place_in_city;
 use insula_protocol::Manifest;
+use insula_protocol::earth::north_deg;
 use insula_viewer::camera::Camera;
 use insula_viewer::collision::EYE_HEIGHT_M;
-use insula_viewer::earth::grid_position;
 use std::f64::consts::FRAC_PI_2;
 
 /// Eyes on streets look a little up, to where houses are.
@@ -21,12 +22,12 @@ const TARGET_FOV_DEG: f64 = 40.0;
 /// A place may lie so far beyond the city's bounds.
 const MARGIN_M: f64 = 2000.0;
 
-/// The camera of `--camera`, or else `linked` of a view link; `None` if the city has to be known. Fails if a file cannot be read.
-pub fn given_camera(args: &ViewpointArgs, linked: Option<Camera>) -> Result<Option<Camera>> {
+/// The camera of `--camera`, or else `linked` of a view link; `None` if the options name a place instead. Fails if a file cannot be read.
+pub fn chosen_camera(args: &ViewpointArgs, linked: Option<Camera>) -> Result<Option<PlacedCamera>> {
     match &args.camera {
-        Some(given) => read_camera(given).map(Some),
+        Some(given) => given_camera(given).map(Some),
         None if args.at_street.is_some() || args.lookat.is_some() => Ok(None),
-        None => Ok(linked),
+        None => Ok(linked.map(PlacedCamera::from)),
     }
 }
 
@@ -61,7 +62,7 @@ pub fn lifted_out(camera: Camera, session: &Session) -> Option<Camera> {
 fn street_view(street: StreetPlace, manifest: &Manifest) -> Result<Camera> {
     let place = place_in(manifest, "--at-street", street.place_deg)?;
     // Clockwise from true north, which is turned against the grid's.
-    let north_deg = manifest.location.map_or(0.0, |location| location.north_deg);
+    let north_deg = north_deg(manifest, street.place_deg).unwrap_or_default();
     let yaw_rad = (90.0 - street.heading_deg - north_deg).to_radians();
     let position = place.extend(0.0);
     Ok(Camera::from_angles(position, yaw_rad, STREET_PITCH_DEG.to_radians(), STREET_FOV_DEG.to_radians()))
@@ -76,29 +77,14 @@ fn view_of(target: Target, manifest: &Manifest) -> Result<Camera> {
 }
 
 /// World x and y of a place in degrees. Fails if it is not in the city or near it.
-fn place_in(manifest: &Manifest, option: &str, [lon, lat]: [f64; 2]) -> Result<DVec2> {
-    let place = grid_position(manifest, [lon, lat]).ok_or_else(|| {
-        ClientError::Usage(format!("{option}: it is not known where on Earth this city lies: use --camera"))
-    })?;
-    let [low, high] = manifest.bounds.map(|corner| DVec2::new(corner[0], corner[1]));
-    let off_m = (low - place).max(place - high).max(DVec2::ZERO).length();
-    if off_m <= MARGIN_M {
-        return Ok(place);
-    }
-    let middle = manifest.location.map_or(String::new(), |location| {
-        format!(" around {:.4},{:.4}", location.longitude_deg, location.latitude_deg)
-    });
-    Err(ClientError::Usage(format!(
-        "{option} {lon},{lat}: {:.0} km from the city, which lies{middle}: write longitude first",
-        off_m / 1000.0
-    )))
+fn place_in(manifest: &Manifest, option: &str, place_deg: [f64; 2]) -> Result<DVec2> {
+    place_in_city(manifest, option, place_deg, MARGIN_M).map(DVec2::from).map_err(ClientError::Usage)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DVec3;
-    use insula_command_line::camera::degrees_fault;
     use insula_protocol::manifest::GeoLocation;
     use insula_test_support::small_city::empty_manifest;
 
@@ -110,8 +96,8 @@ mod tests {
     }
 
     fn camera(args: ViewpointArgs) -> Result<Camera> {
-        match given_camera(&args, None)? {
-            Some(camera) => Ok(camera),
+        match chosen_camera(&args, None)? {
+            Some(camera) => Ok(camera.in_city(&delft())?.1),
             None => camera_in(&args, &delft(), [640, 360]),
         }
     }
@@ -138,34 +124,30 @@ mod tests {
         assert!(error.contains("km from the city") && error.contains("4.3571,52.0116"), "{error}");
         let unknown = Manifest { location: None, ..delft() };
         let error = camera_in(&args, &unknown, [640, 360]).unwrap_err().to_string();
-        assert!(error.contains("use --camera"), "{error}");
-    }
-
-    #[test]
-    fn cameras_in_degrees_are_told() {
-        let fault = |x, y| degrees_fault(&delft(), [x, y]);
-        for [x, y] in [[4.36, 52.01], [52.01, 4.36]] {
-            let text = fault(x, y).unwrap();
-            assert!(text.contains(&format!("{x},{y}")) && text.contains("85000,447000"), "{text}");
-        }
-        // Another place, the city itself, one whose metres begin at zero, and one of an unknown place.
-        assert_eq!((fault(14.36, 52.01), fault(84_500.0, 446_500.0)), (None, None));
-        let local = Manifest { bounds: [[0.0; 3], [900.0, 900.0, 9.0]], ..delft() };
-        assert_eq!(degrees_fault(&local, [4.36, 52.01]), None);
-        assert_eq!(degrees_fault(&Manifest { location: None, ..delft() }, [4.36, 52.01]), None);
+        assert!(error.contains("use a camera file"), "{error}");
     }
 
     #[test]
     fn a_text_is_a_camera_and_nothing_is_the_first_view() {
-        let text = Some("84500,446500,80,45,-10,60".into());
-        let typed = camera(ViewpointArgs { camera: text, ..ViewpointArgs::default() }).unwrap();
-        assert_eq!(typed.position, DVec3::new(84_500.0, 446_500.0, 80.0));
+        let of = |text: &str| camera(ViewpointArgs { camera: Some(text.into()), ..ViewpointArgs::default() });
+        let typed = of("4.3571,52.0116,80,45,-10").unwrap();
+        assert_eq!(typed.position, DVec3::new(85_000.0, 447_000.0, 80.0));
+        assert!((typed.azimuth_deg() - 45.81).abs() < 1e-6 && (typed.fov_y_rad.to_degrees() - 60.0).abs() < 1e-9);
+        let linked = of("camera=84500,446500,80,45,-10,60").unwrap();
+        assert_eq!(linked.position, DVec3::new(84_500.0, 446_500.0, 80.0));
+        for (wrong, why) in
+            [("84500,446500,80,45,-10,60", "camera=X,Y,Z"), ("camera=4.36,52.01,80,45,-10,60", "in degrees")]
+        {
+            let error = of(wrong).unwrap_err().to_string();
+            assert!(error.contains(why), "{error}");
+        }
         let first = camera(ViewpointArgs::default()).unwrap();
         assert_eq!(first, Camera::overview(&delft(), 640.0 / 360.0));
-        assert_eq!(given_camera(&ViewpointArgs::default(), Some(typed)).unwrap(), Some(typed));
+        let of_link = chosen_camera(&ViewpointArgs::default(), Some(linked)).unwrap();
+        assert_eq!(of_link.and_then(PlacedCamera::known), Some(linked));
         // A place comes before the camera of a link.
         let target = Some(Target { place_deg: [4.3571, 52.0116], height_m: 30.0 });
         let args = ViewpointArgs { lookat: target, ..ViewpointArgs::default() };
-        assert_eq!(given_camera(&args, Some(typed)).unwrap(), None);
+        assert_eq!(chosen_camera(&args, Some(linked)).unwrap(), None);
     }
 }

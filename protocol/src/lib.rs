@@ -7,6 +7,7 @@
 pub mod area;
 pub mod blockmap;
 pub mod codec;
+pub mod earth;
 pub mod error;
 pub mod manifest;
 pub mod mesh;

@@ -273,6 +273,13 @@ fn a_view_is_exported_with_its_camera() {
     let export = |more: &[&str]| export_to("view.glb", more);
     let view = ["--format", "glb", "--camera", "camera.json"];
     assert_eq!(export(&[&view[..], &["--tau", "2", "--size", "640x360"]].concat()), (Some(0), String::new()));
+    // As people type it, and as a link has it.
+    for camera in ["4.36740,52.00668,30,39,-29", VIEW] {
+        assert_eq!(export(&["--camera", camera]), (Some(0), String::new()), "{camera}");
+        let seen = ["--camera", camera];
+        assert_eq!(snapshot(folder.path(), "city".as_ref(), "seen.png".as_ref(), &seen), (Some(0), String::new()));
+    }
+    assert_eq!(export(&view), (Some(0), String::new()));
     let glb = fs::read(folder.path().join("view.glb")).unwrap();
     let camera = br#""perspective":{"aspectRatio":1.7777777777777777,"yfov":1.04719755"#;
     assert!(glb.windows(camera.len()).any(|bytes| bytes == camera), "no camera");
@@ -311,6 +318,9 @@ fn a_view_is_exported_with_its_camera() {
         (&["--format", "glb", "--camera", "houses.geojson"], 2, "unknown field"),
         (&["--format", "glb", "--tau", "2"], 2, "--camera"),
         (&["--format", "glb", "--camera", "away.json"], 1, "nothing to export"),
+        (&["--camera", "84980,446970,30,40,-25,60"], 2, "no place in degrees: write LON,LAT"),
+        (&["--camera", "52.00668,4.36740,30,39,-29"], 2, "write longitude first"),
+        (&["--camera", "camera=4.36740,52.00668,30,39,-29,60"], 2, "is in degrees"),
     ] {
         let (found, error) = export(more);
         assert!(found == Some(code) && error.contains(words), "{more:?}: {found:?} {error}");

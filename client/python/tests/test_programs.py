@@ -118,13 +118,15 @@ class Monaco(unittest.TestCase):
     def test_cameras_are_texts_files_and_places(self):
         (x0, y0, _), (x1, y1, z1) = self.city.bounds
         middle = [(x0 + x1) / 2, (y0 + y1) / 2]
-        text = f"{middle[0]},{middle[1]},{z1 + 300},0,-90,60"
+        text = f"camera={middle[0]},{middle[1]},{z1 + 300},0,-90,60"
         down = self.city.render(text, size=SIZE, distance=True)
         camera = {"position": [*middle, z1 + 300], "target": [*middle, z1], "up": [0, 1, 0], "fov_y_deg": 60}
         same = self.city.render(camera, size=SIZE, distance=True)
         near = np.isfinite(down.distance) & np.isfinite(same.distance)
         self.assertLess(np.abs(down.distance[near] - same.distance[near]).mean(), 1)
         self.assertGreater(near.mean(), 0.5)
+        typed = self.city.render("7.421,43.732,400,0,-90", size=SIZE, distance=True)
+        self.assertGreater(np.isfinite(typed.distance).mean(), 0.5)
         street = self.city.render(at_street=(7.421, 43.7315, 90), size=SIZE, time="2024-06-21T17:00", look="paper")
         self.assertEqual(street.shape, (90, 160, 3))
 

@@ -19,8 +19,8 @@ pub struct DrawArgs {
     /// The same as one SOURCE.
     #[arg(long, value_name = "PLACE", conflicts_with = "sources")]
     server: Option<PathBuf>,
-    /// Perspective view: a camera file, or the `camera=` text of a view link, as for `insula snapshot`. The field of view is the height of
-    /// the drawing.
+    /// Perspective view: LON,LAT,HEIGHT,HEADING,PITCH[,FOV] in degrees and metres; or, in metres of the city's system, a camera file or a
+    /// view link. The field of view is the height of the drawing.
     #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
     /// Keep a camera that is inside of a building or below the ground, instead of lifting it out.

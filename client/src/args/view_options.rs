@@ -36,8 +36,9 @@ impl PlaceArgs {
 /// Where a picture is taken.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ViewpointArgs {
-    /// Camera file `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}`, or the `camera=` text of a view link
-    /// [default: that of the view link, else the first view of the city].
+    /// LON,LAT,HEIGHT,HEADING,PITCH[,FOV] in degrees and metres, the heading clockwise from north; or, in metres of the city's system, a
+    /// camera file `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` or a view link [default: that of the view link, else
+    /// the first view of the city].
     #[arg(long, value_name = "CAMERA", group = "viewpoint", allow_hyphen_values = true)]
     pub camera: Option<PathBuf>,
     /// Eye above the ground at a place in degrees, which looks in a direction clockwise from north [default: to the north].

@@ -5,7 +5,7 @@ use super::connect::connect;
 use super::embedded::{BakeJob, CacheRoot, bake_cached, cache_key};
 use super::open::{is_address, is_baked};
 use crate::args::{DrawArgs, GlobalArgs};
-use crate::camera_files::read_camera_file;
+use crate::camera_files::given_camera;
 use crate::error::{ClientError, Result};
 use crate::language;
 use crate::objects::warn_of_range;
@@ -13,7 +13,7 @@ use crate::stream::fetch::Http;
 use insula_analysis::eye::lifted_camera;
 use insula_archive::file;
 use insula_bake::read::{EarthPlace, FacadeOption, Palette};
-use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::camera::inside_note;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_draw::drawing::Drawing;
 use insula_draw::error::DrawStep;
@@ -178,10 +178,7 @@ fn view(args: &DrawArgs, source: &dyn ExportSource) -> Result<DrawView> {
     }
     let Some(given) = &args.view else { return Ok(DrawView::Plan) };
     // The numbers of the file as they are: a server draws the same of them.
-    let (CameraFile { position, target, up, fov_y_deg }, _) = read_camera_file(given)?;
-    if let Some(fault) = degrees_fault(source.manifest(), [position[0], position[1]]) {
-        return Err(ClientError::Usage(fault));
-    }
+    let (CameraFile { position, target, up, fov_y_deg }, _) = given_camera(given)?.in_city(source.manifest())?;
     let mut camera = ExportCamera { position, target, up, fov_y_deg };
     if let Some(lifted) = lifted_camera(source, camera).map_err(|error| unreadable(&error))? {
         eprintln!("note: {}", inside_note(args.keep_camera, lifted.position[2] - camera.position[2]));

@@ -3,16 +3,17 @@
 use super::headless::{PictureFile, open_session, render_to_file, settle_with_progress};
 use super::proposal;
 use crate::args::{GlobalArgs, SnapshotArgs};
+use crate::camera_files::PlacedCamera;
 use crate::error::{ClientError, Result};
 use crate::image_files::{objects_kind, picture_kind, write_objects, write_pfm, write_radiance};
 use crate::objects::ObjectLookup;
 use crate::report::RunReport;
 use crate::session::Session;
 use crate::ui::view_link::ViewLink;
-use crate::viewpoint::{camera_in, given_camera, lifted_out, stand_on_ground};
+use crate::viewpoint::{camera_in, chosen_camera, lifted_out, stand_on_ground};
 use glam::DVec3;
 use insula_archive::new_file::replace;
-use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::camera::inside_note;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_objects::filter::NONE_PASSES_IN_VIEW;
 use insula_protocol::blockmap::NO_OBJECT;
@@ -35,18 +36,14 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let link = ViewLink::parse(args.place.place())?;
     let (switching, tau_px) = args.switch.switching(global.tau).map_err(ClientError::Usage)?;
     let request = |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px, switching };
-    let given = given_camera(&args.viewpoint, link.camera)?.map(request);
-    let mut session = open_session(args.place.place(), global, None, given.as_ref(), args.proposal.as_deref())?;
+    let given = chosen_camera(&args.viewpoint, link.camera)?;
+    let known = given.and_then(PlacedCamera::known).map(request);
+    let mut session = open_session(args.place.place(), global, None, known.as_ref(), args.proposal.as_deref())?;
     let manifest = session.tree().manifest();
-    if let Some(fault) =
-        given.as_ref().and_then(|given| degrees_fault(manifest, given.camera.position.truncate().to_array()))
-    {
-        return Err(ClientError::Usage(fault));
-    }
-    let request = match given {
-        Some(given) => given,
-        None => request(camera_in(&args.viewpoint, session.tree().manifest(), args.size)?),
-    };
+    let request = request(match given {
+        Some(given) => given.in_city(manifest)?.1,
+        None => camera_in(&args.viewpoint, manifest, args.size)?,
+    });
     let request = outside(args, global, request, &mut session)?;
     let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };

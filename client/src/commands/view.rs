@@ -6,7 +6,7 @@ use super::embedded::{BakeJob, CacheRoot, find_baked};
 use super::headless::{INITIAL_REQUESTS, settle};
 use super::proposal;
 use crate::args::{GlobalArgs, ViewArgs};
-use crate::camera_files::{read_camera, read_path};
+use crate::camera_files::{PlacedCamera, given_camera, read_path};
 use crate::error::{ClientError, Result};
 use crate::render::OpenedAdapter;
 use crate::session::Session;
@@ -43,7 +43,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let link = ViewLink::parse(args.place.place())?;
     let first = FirstView {
         status: StartStatus::new(format!("connecting to {}", link.location)),
-        camera: args.camera.as_deref().map(read_camera).transpose()?.or(link.camera),
+        camera: args.camera.as_deref().map(given_camera).transpose()?.or(link.camera.map(PlacedCamera::from)),
         time: link.time,
         look: link.look,
         object: link.object,
@@ -68,7 +68,7 @@ pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global
 /// What a window begins with.
 struct FirstView {
     status: StartStatus,
-    camera: Option<Camera>,
+    camera: Option<PlacedCamera>,
     time: Option<SunTime>,
     look: Option<Look>,
     object: Option<u32>,

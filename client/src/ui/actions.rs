@@ -175,7 +175,7 @@ impl CityView {
         let camera = self.control.camera();
         let link = format_link(&self.address, &camera, &self.display.daylight, object);
         // A city in a folder of this machine has no address.
-        let copied = link.unwrap_or_else(|| camera_text::format(&camera));
+        let copied = link.unwrap_or_else(|| format!("camera={}", camera_text::format(&camera)));
         window.egui.copy_text(copied.clone());
         self.show_message(format!("copied {copied}"));
     }

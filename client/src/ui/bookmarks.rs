@@ -3,10 +3,11 @@
 use super::settings::Bookmark;
 use egui::{Color32, Key, RichText, TextEdit, Ui};
 use glam::DVec3;
+use insula_command_line::camera::{EarthCamera, of_link};
 use insula_protocol::Manifest;
+use insula_protocol::earth::grid_position;
 use insula_viewer::camera::Camera;
 use insula_viewer::camera_text;
-use insula_viewer::earth::grid_position;
 
 /// Coordinates must lie within this multiple of the city's diagonal around its centre.
 const MAX_DIAGONALS: f64 = 3.0;
@@ -79,7 +80,7 @@ impl BookmarkPanel {
         });
         ui.separator();
         let crs = manifest.crs.as_deref().unwrap_or("metres in the source's coordinates");
-        ui.label(format!("Go to x, y or x, y, z ({crs}), degrees, or a copied camera"));
+        ui.label(format!("Go to x, y or x, y, z ({crs}), degrees, or a copied link or camera"));
         let [low, high] = manifest.bounds;
         let hint = [0, 1].map(|axis| format!("{:.0}", 0.5 * (low[axis] + high[axis]))).join(", ");
         let field = ui.add(TextEdit::singleline(&mut self.coordinates).hint_text(hint).desired_width(200.0));
@@ -96,21 +97,26 @@ impl BookmarkPanel {
     }
 }
 
-/// Parses two or three numbers between commas, semicolons or spaces, in metres or, in either order, degrees; or the six of a camera. Fails
-/// if they are far from the city.
+/// Parses two or three numbers between commas, semicolons or spaces, in metres or, in either order, degrees; the five or six of a camera in
+/// degrees or the six of one in metres; or a copied link. Fails if they are far from the city.
 fn parse_place(text: &str, manifest: &Manifest) -> Result<ViewAction, String> {
+    if let Some(camera) = of_link(text).and_then(camera_text::of_numbers) {
+        return Ok(ViewAction::SetCamera(camera));
+    }
     let parts = text.split([',', ';', ' ', '\t']).filter(|part| !part.is_empty());
     let numbers: Vec<f64> =
         parts.map(|n| n.parse().map_err(|_| format!("{n:.40} is not a number"))).collect::<Result<_, _>>()?;
     let (x, y, z) = match numbers[..] {
         [x, y] => (x, y, None),
         [x, y, z] => (x, y, Some(z)),
-        [_, _, _, _, _, _] => {
-            let text: Vec<String> = numbers.iter().map(f64::to_string).collect();
-            let camera = camera_text::parse(&text.join(","));
-            return camera.map(ViewAction::SetCamera).ok_or_else(|| "not a camera: x,y,z,azimuth,pitch,fov".into());
+        [_, _, _, _, _] | [_, _, _, _, _, _] => {
+            let on_earth = EarthCamera::of_numbers(&numbers).and_then(|typed| typed.in_city(manifest).ok());
+            let camera = on_earth.or_else(|| numbers.as_slice().try_into().ok()).and_then(camera_text::of_numbers);
+            return camera.map(ViewAction::SetCamera).ok_or_else(|| {
+                "not a camera: longitude, latitude, height, heading, pitch, field of view, or those of a link".into()
+            });
         }
-        _ => return Err("expected two or three numbers, or the six of a camera".into()),
+        _ => return Err("expected two or three numbers, or those of a camera".into()),
     };
     let [low, high] = manifest.bounds.map(DVec3::from);
     let is_near = |[x, y]: &[f64; 2]| {
@@ -154,8 +160,14 @@ mod tests {
             let place = parse_place(text, &manifest);
             assert_eq!(place, Ok(ViewAction::GoTo { x: 85_000.0, y: 447_000.0, z: None }), "{text}");
         }
+        let camera = |text: &str| -> Result<_, String> { Ok(ViewAction::SetCamera(camera_text::parse(text).unwrap())) };
         let text = "84500,446500,80,45,-10,60";
-        assert_eq!(parse_place(text, &manifest), Ok(ViewAction::SetCamera(camera_text::parse(text).unwrap())));
+        assert_eq!(parse_place(text, &manifest), camera(text));
+        assert_eq!(parse_place(&format!("insula://h/v1/cities/a?camera={text}"), &manifest), camera(text));
+        for typed in ["4.3571,52.0116,80,45,-10", "4.3571 52.0116 80 45 -10 60"] {
+            assert_eq!(parse_place(typed, &manifest), camera("85000,447000,80,45,-10,60"), "{typed}");
+        }
         assert!(parse_place("84500,446500,80,45,-100,60", &manifest).is_err());
+        assert!(parse_place("84500,446500,80,45,-10", &manifest).is_err());
     }
 }

@@ -13,10 +13,10 @@ use super::settings::{UserSettings, is_window_size};
 use super::touchpad::{GestureMotion, motion_of};
 use super::viewport::Viewport;
 use super::window::ViewerWindow;
+use crate::camera_files::PlacedCamera;
 use crate::error::{ClientError, Result};
 use crate::render::AdapterChoice;
 use insula_protocol::text::printable;
-use insula_viewer::camera::Camera;
 use insula_viewer::interaction::camera_control::MoveDirection;
 use insula_viewer::sun::{Daylight, SunOptions, parse_time};
 use insula_viewer::switching::SwitchDistances;
@@ -43,7 +43,7 @@ pub struct WindowOptions {
     /// What is done before there is a city.
     pub status: StartStatus,
     /// Initial camera; one that overlooks the whole city if `None`.
-    pub camera: Option<Camera>,
+    pub camera: Option<PlacedCamera>,
     /// The object that is selected at first.
     pub object: Option<u32>,
     pub sun: SunOptions,
@@ -247,10 +247,11 @@ impl ViewerApp {
         self.connector.failed(error);
     }
 
-    /// Fails if no session can be opened.
+    /// Fails if no session can be opened, or if the initial camera is not in the city.
     fn open_city(&mut self, city: ConnectedCity) -> Result<()> {
         let Some(window) = &mut self.window else { return Ok(()) };
         self.connector.error = None;
+        let camera = self.options.camera.map(|camera| camera.in_city(&city.manifest)).transpose()?;
         let mut sun = self.options.sun;
         if sun.time.is_none() && sun.bearing.is_none() {
             sun.time = self.settings.time.as_deref().and_then(|text| parse_time(text).ok());
@@ -262,7 +263,7 @@ impl ViewerApp {
             daylight: Daylight::new(&sun, &city.manifest),
             session: (city.open_session)(window.take_adapter())?,
             address: city.address,
-            camera: self.options.camera,
+            camera: camera.map(|(_, camera)| camera),
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
             switching: self.options.switching,
             fps: self.options.fps,
@@ -277,7 +278,7 @@ impl ViewerApp {
         let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));
         if let Some(id) = self.options.object {
             view.select_object(Some(id), false);
-            if self.options.camera.is_none() {
+            if camera.is_none() {
                 view.objects.go_to_when_known(id);
             }
         }

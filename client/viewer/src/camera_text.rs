@@ -20,7 +20,11 @@ pub fn format(camera: &Camera) -> String {
 /// Parses a text that may come from anybody. `None` if it is not a camera.
 pub fn parse(text: &str) -> Option<Camera> {
     let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
-    let [x, y, z, azimuth, pitch, fov] = numbers[..] else { return None };
+    of_numbers(numbers.try_into().ok()?)
+}
+
+/// The camera of the six numbers of a text. `None` if they are out of range.
+pub fn of_numbers([x, y, z, azimuth, pitch, fov]: [f64; 6]) -> Option<Camera> {
     let is_in_range = [x, y, z].iter().all(|v| v.abs() < MAX_COORDINATE_M);
     if !is_in_range || !azimuth.is_finite() || !(-90.0..=90.0).contains(&pitch) || !(1.0..=170.0).contains(&fov) {
         return None;

@@ -14,7 +14,6 @@ pub mod camera;
 pub mod camera_text;
 pub mod collision;
 pub mod decode;
-pub mod earth;
 pub mod frame;
 pub mod interaction;
 mod moon;

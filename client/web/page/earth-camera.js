@@ -1,26 +1,16 @@
 /** Cameras by longitude and latitude, and what they show: the same as a camera's text, in other units. */
 
-import { isLonLat, rad } from './lon-lat.js';
+import { isLonLat, northOf, rad } from './lon-lat.js';
 import { cameraNumbers } from './view-text.js';
 
 /** Points nearer than this in front of the camera are not projected. */
 const NEAR_M = 0.1;
-/** A step to the north that tells in which direction it lies. */
-const NORTH_STEP_DEG = 1e-4;
 
 /**
  * A camera in degrees and metres: see `EarthCamera` of insula-viewer.d.ts.
  * @typedef {{lon: number, lat: number, height: number, heading: number, pitch: number, fov: number}} EarthCamera
  */
 /** @typedef {import('./lon-lat.js').LonLatGrid} LonLatGrid */
-
-/** Azimuth of true north in the grid at a place, in degrees. */
-function northOf({ toXy }, [lon, lat]) {
-  const towards = lat < 89 ? NORTH_STEP_DEG : -NORTH_STEP_DEG;
-  const [from, to] = [toXy([lon, lat]), toXy([lon, lat + towards])];
-  const sign = Math.sign(towards);
-  return Math.atan2(sign * (to[0] - from[0]), sign * (to[1] - from[1])) * (180 / Math.PI);
-}
 
 const turned = (degrees) => ((degrees % 360) + 360) % 360;
 

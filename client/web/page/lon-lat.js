@@ -1,10 +1,12 @@
-/** Longitudes and latitudes of positions in a city, as `earth.rs` of the viewer has them, and back. */
+/** Longitudes and latitudes of positions in a city, as `earth.rs` of the protocol has them, and back. */
 
 /** Half-axis of the WGS84 ellipsoid at the equator, and its eccentricity squared. */
 const EQUATOR_M = 6_378_137;
 const ECCENTRICITY_SQUARED = 6.694_379_990_14e-3;
 /** Each step leaves less than a hundredth of the error of the last one in a city. */
 const STEPS = 6;
+/** A step to the north that tells in which direction it lies. */
+const NORTH_STEP_DEG = 1e-4;
 
 /** A place near a city lies within this multiple of its diagonal around its middle. */
 const MAX_DIAGONALS = 3;
@@ -62,6 +64,14 @@ export function lonLatGrid(manifest) {
   return { toXy, toLonLat };
 }
 
+/** Azimuth of true north in the grid at a place, in degrees. */
+export function northOf({ toXy }, [lon, lat]) {
+  const towards = lat < 89 ? NORTH_STEP_DEG : -NORTH_STEP_DEG;
+  const [from, to] = [toXy([lon, lat]), toXy([lon, lat + towards])];
+  const sign = Math.sign(towards);
+  return Math.atan2(sign * (to[0] - from[0]), sign * (to[1] - from[1])) * (180 / Math.PI);
+}
+
 /** Degrees from -180 to 180. */
 function turn(degrees) {
   return ((((degrees + 180) % 360) + 360) % 360) - 180;
@@ -84,12 +94,16 @@ export function isLonLat(longitude, latitude) {
  * @returns {number[]|null}
  */
 export function placeNear([x, y, z], manifest) {
-  const [low, high] = manifest.bounds;
-  const length = (from, to) => Math.hypot(...to.map((v, i) => v - from[i]));
-  const middle = low.map((v, i) => (v + high[i]) / 2);
   const grid = lonLatGrid(manifest);
   const degrees = [[x, y], [y, x]].filter(([longitude, latitude]) => grid && isLonLat(longitude, latitude));
   const readings = [[x, y], ...degrees.map((lonLat) => /** @type {LonLatGrid} */ (grid).toXy(lonLat))];
   const places = readings.map((plan) => [...plan, z ?? manifest.ground_z_m]);
-  return places.find((place) => length(middle, place) <= length(low, high) * MAX_DIAGONALS) ?? null;
+  return places.find((place) => isNear(place, manifest)) ?? null;
+}
+
+/** Whether a position is in a city or around it. */
+export function isNear(position, { bounds: [low, high] }) {
+  const length = (from, to) => Math.hypot(...to.map((v, i) => v - from[i]));
+  const middle = low.map((v, i) => (v + high[i]) / 2);
+  return length(middle, position) <= length(low, high) * MAX_DIAGONALS;
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
-/// Distance of the point that a camera of a text looks at.
+/// Distance of the point that a camera of a link looks at.
 const TARGET_DISTANCE_M: f64 = 100.0;
 
 /// A camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in world metres.
@@ -29,11 +29,9 @@ fn default_fov_deg() -> f64 {
 }
 
 impl ExportCamera {
-    /// Parses the text of a camera in view links, `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees; `None` if it is none.
+    /// The camera of the numbers that view links have, `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees; `None` if they are out of range.
     #[must_use]
-    pub fn of_text(text: &str) -> Option<Self> {
-        let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
-        let [x, y, z, azimuth_deg, pitch_deg, fov_y_deg] = numbers[..] else { return None };
+    pub fn of_numbers([x, y, z, azimuth_deg, pitch_deg, fov_y_deg]: [f64; 6]) -> Option<Self> {
         let [(east, north), (up, level)] = [azimuth_deg, pitch_deg].map(|degrees| degrees.to_radians().sin_cos());
         let forward = DVec3::new(east * level, north * level, up);
         // Also of a camera that looks straight down.
@@ -75,17 +73,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_of_links_are_cameras() {
-        let east = ExportCamera::of_text("10, 20,30,90,0,50").unwrap();
+    fn numbers_of_links_are_cameras() {
+        let east = ExportCamera::of_numbers([10.0, 20.0, 30.0, 90.0, 0.0, 50.0]).unwrap();
         let axes = east.axes().unwrap();
         assert!((axes.z_axis - DVec3::X).length() < 1e-12 && (axes.y_axis - DVec3::Z).length() < 1e-12);
         assert_eq!((east.position, east.fov_y_deg), ([10.0, 20.0, 30.0], 50.0));
         let raised = east.raised(5.0);
         assert_eq!((raised.position, raised.axes().unwrap().z_axis), ([10.0, 20.0, 35.0], axes.z_axis));
-        let down = ExportCamera::of_text("0,0,30,90,-90,50").unwrap().axes().unwrap();
+        let down = ExportCamera::of_numbers([0.0, 0.0, 30.0, 90.0, -90.0, 50.0]).unwrap().axes().unwrap();
         assert!((down.z_axis + DVec3::Z).length() < 1e-12 && (down.y_axis - DVec3::X).length() < 1e-12);
-        for wrong in ["", "1,2,3", "0,0,0,0,91,50", "0,0,0,0,0,0.5", "nan,0,0,0,0,50", "camera.json"] {
-            assert_eq!(ExportCamera::of_text(wrong), None, "{wrong}");
+        for wrong in
+            [[0.0, 0.0, 0.0, 0.0, 91.0, 50.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5], [f64::NAN, 0.0, 0.0, 0.0, 0.0, 50.0]]
+        {
+            assert_eq!(ExportCamera::of_numbers(wrong), None, "{wrong:?}");
         }
     }
 

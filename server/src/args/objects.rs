@@ -71,7 +71,8 @@ pub struct ExportArgs {
     /// Only objects with the middle in the polygons of a GeoJSON file, in degrees or in metres of the city's coordinate system
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
-    /// Only what a camera sees, as coarse as its picture allows, for `--format glb`: a camera file, or the `camera=` text of a view link
+    /// Only what a camera sees, as coarse as its picture allows, for `--format glb`: LON,LAT,HEIGHT,HEADING,PITCH[,FOV] in degrees and
+    /// metres; or, in metres of the city's system, a camera file or a view link
     #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
     /// Keep a camera that is inside of a building or below the ground, instead of lifting it out

@@ -10,7 +10,7 @@ use insula_analysis::eye::lifted_camera;
 use insula_archive::file::{read_limited, read_text};
 use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
-use insula_command_line::camera::{degrees_fault, inside_note};
+use insula_command_line::camera::{GivenCamera, degrees_fault, inside_note};
 use insula_command_line::output::{FileKind, Outputs};
 use insula_export::camera::ExportCamera;
 use insula_export::file;
@@ -223,8 +223,14 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
         ));
     }
     let wrong = |reason: String| CommandError::Usage(format!("--camera {}: {reason}", path.display()));
-    let mut camera = match ExportCamera::of_text(&path.to_string_lossy()) {
-        Some(camera) => camera,
+    let invalid = || wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned());
+    let numbers = match GivenCamera::parse(path).map_err(CommandError::Usage)? {
+        GivenCamera::OnEarth(camera) => Some(camera.in_city(source.manifest()).map_err(CommandError::Usage)?),
+        GivenCamera::InCity(numbers) => Some(numbers),
+        GivenCamera::File(_) => None,
+    };
+    let mut camera = match numbers {
+        Some(numbers) => ExportCamera::of_numbers(numbers).ok_or_else(invalid)?,
         None => {
             let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(error.to_string()))?;
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?
@@ -241,7 +247,7 @@ fn view(args: &ExportArgs, format: ExportFormat, source: &StoredCity<'_>) -> Res
         }
     }
     let view = ExportView::new(camera, args.size, args.tau);
-    view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
+    view.map(Some).ok_or_else(invalid)
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid, and if an area lies beyond the city.

@@ -136,9 +136,9 @@ class City(Analyses):
     ) -> Picture:
         """A picture of the city: an array of height x width x 3 bytes, which notebooks show.
 
-        `camera` is a text `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees, a camera file or its content, or a copied link; without one
-        the picture is the first view of the city. `at_street=(lon, lat, heading)` and `lookat=(lon, lat, height)` are cameras in
-        degrees. `distance` and `objects` also fill `picture.distance` and `picture.objects` with `picture.seen`. Other keywords are the
+        `camera` is a text `LON,LAT,HEIGHT,HEADING,PITCH[,FOV]` in degrees and metres, `view.camera` of a map, a copied link, a camera
+        file or its content; without one the picture is the first view of the city. `at_street=(lon, lat, heading)` and
+        `lookat=(lon, lat, height)` are cameras, too. `distance` and `objects` also fill `picture.distance` and `picture.objects` with `picture.seen`. Other keywords are the
         options of `insula snapshot`: `time`, `look`, `color_by`, `range`, `filter`, `others`, `legend`, `no_caption`, `tau`.
         """
         width, height = size

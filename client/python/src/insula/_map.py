@@ -41,7 +41,9 @@ class Map(anywidget.AnyWidget):
     _esm = Path(__file__).parent / "map.js"
 
     height = traitlets.Int(480, help="Height in CSS pixels.").tag(sync=True)
-    camera = traitlets.Unicode("", help="`X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees, as for `City.render`.").tag(sync=True)
+    camera = traitlets.Unicode(
+        "", help="`camera=X,Y,Z,AZIMUTH,PITCH,FOV` as links have it; `LON,LAT,HEIGHT,HEADING,PITCH[,FOV]` may be set, too."
+    ).tag(sync=True)
     time = traitlets.Unicode("", help="Time of the light, as in `2024-06-21T17:00`.").tag(sync=True)
     picked = traitlets.Dict(help="What was clicked last: position, lon, lat, height, object.").tag(sync=True)
     selection = traitlets.List(traitlets.Int(), help="Numbers of the selected objects.").tag(sync=True)

@@ -7,6 +7,8 @@ const BASE = 'https://insula.invalid/';
 const MODULE = './insula_web.js';
 const WASM = 'insula_web_bg.wasm';
 const CAMERA_MS = 200;
+/** Of a camera in degrees that does not say it, as for `City.render`. */
+const DEFAULT_FOV_DEG = 60;
 const TRIAL_MS = 1500;
 /** A kernel that runs a cell answers later. */
 const PATIENCE_MS = 600_000;
@@ -183,6 +185,13 @@ async function loadViewer(channel, assets) {
   await import(script(`const { Worker } = globalThis[Symbol.for('insula.map')];\n${element}`));
 }
 
+/** Where the element goes for a text: `LON,LAT,HEIGHT,HEADING,PITCH[,FOV]` in degrees and metres, or that of a link, which has metres. */
+function placeOf(text) {
+  if (text.includes('camera=')) return text.split('camera=')[1].split(/[&#]/)[0];
+  const [lon, lat, height, heading, pitch, fov = DEFAULT_FOV_DEG] = text.split(',').map(Number);
+  return { lon, lat, height, heading, pitch, fov };
+}
+
 /** Lets a trait and the element follow each other. Returns what ends that. */
 function connect(model, city) {
   const set = (name, value) => {
@@ -192,7 +201,7 @@ function connect(model, city) {
   let timer = 0;
   city.addEventListener('camera', ({ detail }) => {
     clearTimeout(timer);
-    timer = setTimeout(() => set('camera', detail.camera), CAMERA_MS);
+    timer = setTimeout(() => set('camera', `camera=${detail.camera}`), CAMERA_MS);
   });
   city.addEventListener('pick', ({ detail: { adds, error, ...rest } }) => set('picked', rest));
   city.addEventListener('selection', ({ detail }) => set('selection', detail.objects.map(({ id }) => id)));
@@ -203,7 +212,10 @@ function connect(model, city) {
   let colored = {};
   const follow = {
     height: () => (city.style.blockSize = `${model.get('height')}px`),
-    camera: () => model.get('camera') && model.get('camera') !== city.view?.camera && city.flyTo(model.get('camera')).catch(report),
+    camera: () => {
+      const wanted = model.get('camera');
+      if (wanted && wanted !== `camera=${city.view?.camera}`) city.flyTo(placeOf(wanted)).catch(report);
+    },
     time: () => model.get('time') && city.setTime(model.get('time')),
     selection: () => {
       const [now, wanted] = [city.selection.map(({ id }) => id), model.get('selection')];
@@ -255,12 +267,16 @@ async function render({ model, el }) {
     return close;
   }
   const city = document.createElement('insula-city');
-  const attributes = { src: `${BASE}${key}/v1/cities/${model.get('_name')}`, camera: model.get('camera'), time: model.get('time') };
+  const first = model.get('camera') && placeOf(model.get('camera'));
+  const camera = typeof first === 'string' ? first : '';
+  const attributes = { src: `${BASE}${key}/v1/cities/${model.get('_name')}`, camera, time: model.get('time') };
   Object.entries(attributes).forEach(([name, value]) => value && city.setAttribute(name, value));
   city.style.display = 'block';
   city.style.blockSize = `${model.get('height')}px`;
   const disconnect = connect(model, city);
   el.append(city);
+  // A place in degrees needs the city.
+  if (typeof first === 'object') city.flyTo(first, { seconds: 0 }).catch((error) => console.warn(error));
   return () => {
     disconnect();
     city.remove();
