@@ -14,6 +14,7 @@ pub mod mesh;
 pub mod mesh_tile;
 pub mod object_tile;
 pub mod octahedral;
+pub mod release;
 pub mod route;
 pub mod sea;
 pub mod subtree;

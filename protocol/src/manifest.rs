@@ -1,5 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
+use crate::release::{Release, SharedCity};
 use crate::sea::SeaEnds;
 use crate::text::count;
 use serde::{Deserialize, Serialize};
@@ -80,6 +81,9 @@ pub struct Manifest {
     /// Where the city ends in the sea, if the sources tell the sea from other water. Older manifests do not have the field.
     #[serde(default)]
     pub sea: Option<SeaEnds>,
+    /// Of which day the city is, and with which earlier ones it shares tiles. Older manifests do not have the field.
+    #[serde(default)]
+    pub release: Option<Release>,
 }
 
 /// What tells the files of a city from those of other bakes. Each archive has the mark of the version besides.
@@ -258,7 +262,18 @@ impl Manifest {
             return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
         }
         self.sea.as_ref().map_or(Ok(()), SeaEnds::check)?;
+        self.release.as_ref().map_or(Ok(()), Release::check)?;
         self.check_texts()
+    }
+
+    /// The cities in which the bytes of shared tiles are, the nearest first.
+    pub fn shared(&self) -> &[SharedCity] {
+        self.release.as_ref().map_or(&[][..], |release| &release.shared[..])
+    }
+
+    /// The name that all releases of the city have in common; its own if it is none.
+    pub fn release_name(&self) -> &str {
+        self.release.as_ref().map_or(self.name.as_str(), |release| release.of.as_str())
     }
 
     /// Fails if a text or a list is longer than the limits.

@@ -5,6 +5,8 @@ use crate::{Archive, ArchiveError, CityError, ReadError};
 use bytes::Bytes;
 use insula_protocol::codec::bincode;
 use insula_protocol::mesh_tile::MAX_LODS;
+#[cfg(feature = "fs")]
+use insula_protocol::release::SharedCity;
 use insula_protocol::tile::{self, TileReader};
 use insula_protocol::{Manifest, TileId, TileKind};
 
@@ -87,8 +89,13 @@ impl BakedCity {
     #[cfg(feature = "fs")]
     pub fn open(folder: &std::path::Path) -> Result<Self, CityError> {
         let manifest = read_manifest(folder)?;
+        let beside = folder.join("..");
+        let is_missing = |shared: &&SharedCity| !beside.join(&shared.name).join(MANIFEST_FILE).is_file();
+        if let Some(SharedCity { name, .. }) = manifest.shared().iter().find(is_missing) {
+            return Err(CityError::NotBeside { location: folder.display().to_string(), name: name.clone() });
+        }
         let deadline = std::time::Instant::now() + crate::limits::MAX_OPENING_TIME;
-        let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()), deadline);
+        let open = |kind: TileKind| open_archive(folder, &beside, manifest.shared(), kind, deadline);
         let open_optional = |kind: TileKind| match open(kind) {
             Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
             archive => archive.map(Some),
@@ -182,6 +189,21 @@ fn check(kind: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
         Ok(_) => Ok(bytes),
         Err(error) => Err(ReadError::Damaged(error.to_string())),
     }
+}
+
+/// Opens an archive in a city's folder, which goes on in those of other cities: their folders, which have their names, are in `beside`.
+/// Fails as [`Archive::open_joined`].
+#[cfg(feature = "fs")]
+pub fn open_archive(
+    folder: &std::path::Path,
+    beside: &std::path::Path,
+    shared: &[SharedCity],
+    kind: TileKind,
+    deadline: std::time::Instant,
+) -> Result<Archive, CityError> {
+    let path_of = |city: &SharedCity| beside.join(&city.name).join(kind.file_name());
+    let shared: Vec<_> = shared.iter().map(|city| (path_of(city), city.version.as_str())).collect();
+    Archive::open_joined(&folder.join(kind.file_name()), &shared, deadline)
 }
 
 /// Reads and checks the manifest in a city's folder.

@@ -72,6 +72,11 @@ pub enum CityError {
     Io { path: std::path::PathBuf, source: std::io::Error },
     #[error("cannot use {location}: {reason}; bake the city again")]
     Manifest { location: String, reason: String },
+    /// It shares tiles with a city that is not there.
+    #[error(
+        "cannot use {location}: it shares tiles with the city {name}, which is not beside it; put the folder {name} there"
+    )]
+    NotBeside { location: String, name: String },
     #[error("cannot use {location}: {source}; copy or bake the city again")]
     Archive { location: String, source: ArchiveError },
 }

@@ -23,6 +23,7 @@ use std::vec;
 #[derive(Debug)]
 pub struct Archive {
     source: SharedSource,
+    /// Of the file, without an archive that follows it ([`crate::joined`]).
     length: u64,
     header: ArchiveHeader,
     root: Arc<Vec<DirectoryEntry>>,
@@ -45,23 +46,53 @@ impl Archive {
     /// Opens a file and checks its directories. Fails if that takes until `deadline`.
     #[cfg(feature = "fs")]
     pub fn open(path: &std::path::Path, deadline: Instant) -> Result<Self, crate::CityError> {
+        Self::open_joined(path, &[], deadline)
+    }
+
+    /// The same of a file that shares tiles with others: their paths, and the versions of their cities, the nearest first. Those from the
+    /// first on that does not exist have no such tiles. Fails if a file is of another version.
+    #[cfg(feature = "fs")]
+    pub fn open_joined(
+        path: &std::path::Path,
+        shared: &[(std::path::PathBuf, &str)],
+        deadline: Instant,
+    ) -> Result<Self, crate::CityError> {
         use crate::CityError;
         use crate::file_source::FileSource;
-        let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
-        let loaded = Self::load(Arc::new(source), Some(deadline)).now_or_never();
-        let location = || path.display().to_string();
-        loaded
-            .unwrap_or_else(|| Err(not_local().into()))
-            .map_err(|source| CityError::Archive { location: location(), source })
+        use crate::joined::{check_mark, joined};
+        use crate::mark::mark_of;
+        let open = |path: &std::path::Path| -> Result<SharedSource, CityError> {
+            let opened = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
+            Ok(Arc::new(opened))
+        };
+        let failed = |path: &std::path::Path| {
+            let location = path.display().to_string();
+            move |source| CityError::Archive { location, source }
+        };
+        let mut others = Vec::new();
+        for (path, version) in shared {
+            let source = match open(path) {
+                Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => break,
+                source => source?,
+            };
+            let mark = mark_of(version);
+            check_mark(source.read(0..HEADER_BYTES).ready(), mark)
+                .map_err(|_| failed(path)(ArchiveError::OtherVersion))?;
+            others.push((source, mark));
+        }
+        let source = joined(open(path)?, &mut others.into_iter());
+        let loaded = Self::load(source, Some(deadline)).now_or_never();
+        loaded.unwrap_or_else(|| Err(not_local().into())).map_err(failed(path))
     }
 
     /// Checks the directories of an archive. The length of the source must be known. Fails if that takes until `deadline`.
     pub async fn load(source: SharedSource, deadline: Option<Instant>) -> Result<Self, ArchiveError> {
-        let length = source.length().ok_or_else(|| ReadError::Failed("the length is unknown".into()))?;
+        let unknown = || ReadError::Failed("the length is unknown".into());
+        let (length, end) = source.own_bytes().zip(source.length()).ok_or_else(unknown)?;
         let first = read_exactly(&source, 0..length.min(HEADER_BYTES)).await?;
-        let header = ArchiveHeader::read(&first, Some(length))?;
+        let header = ArchiveHeader::read(&first, Some(end))?;
         let packed = read_exactly(&source, header.root.clone()).await?;
-        let mut check = DirectoryCheck::new(source.clone(), &header, DirectoryBudget::of_archive(length), deadline);
+        let mut check = DirectoryCheck::new(source.clone(), &header, DirectoryBudget::of_archive(end), deadline);
         let root = Arc::new(header.unpack(&packed, &mut check.budget)?);
         check.run(Vec::clone(&root)).await?;
         let (facts, leaves) = (check.facts, ResidentDirectories::with_root(root.len()));
@@ -104,8 +135,7 @@ impl Archive {
 
     /// Reads a tile of a local file, unchecked. `None` if there is no such tile.
     pub fn tile(&self, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        let found = self.find(id).now_or_never().unwrap_or_else(|| Err(not_local()))?;
-        found.map(|range| self.read(range).ready()).transpose()
+        self.place(id)?.map(|range| self.read(range).ready()).transpose()
     }
 
     /// All tiles of a local file, by level and then along the Hilbert curve. Where a directory cannot be read, its first tile has the
@@ -166,19 +196,32 @@ impl Archive {
         self.facts.end.checked_sub(1).and_then(tile_id).map_or(0, TileId::level)
     }
 
-    /// Where the bytes of the tiles are in the file.
-    #[cfg(feature = "fs")]
-    pub(crate) fn data(&self) -> Range<u64> {
-        self.header.data.clone()
+    /// Where a tile of a local file is. `None` if there is no such tile. Fails if a directory cannot be read.
+    pub fn place(&self, id: TileId) -> Result<Option<Range<u64>>, ReadError> {
+        self.find(id).now_or_never().unwrap_or_else(|| Err(not_local()))
     }
 
-    /// Where the bytes of each tile are in ascending order. Of tiles that lie behind a later one, as equal tiles do, only the first is
-    /// listed.
+    /// Position after the bytes of all tiles.
+    pub fn end(&self) -> u64 {
+        self.header.data.end
+    }
+
+    /// Where the bytes of the tiles are in the file itself.
+    #[cfg(feature = "fs")]
+    pub(crate) fn data(&self) -> Range<u64> {
+        let Range { start, end } = self.header.data;
+        // Behind its own tiles, a file that shares others has its directories.
+        let own_end = if end <= self.length { end } else { self.header.leaves.start.min(self.length) };
+        start..own_end.max(start)
+    }
+
+    /// Where the bytes of each tile in the file itself are in ascending order. Of tiles that lie behind a later one, as equal tiles do,
+    /// only the first is listed.
     #[cfg(feature = "fs")]
     pub(crate) fn distinct_tiles(&self) -> impl Iterator<Item = Result<Range<u64>, ReadError>> {
-        let mut position = 0;
+        let (mut position, end) = (0, self.data().end);
         self.entries().filter_map(move |(_, entry)| match entry {
-            Ok(entry) if entry.bytes().start < position => None,
+            Ok(entry) if entry.bytes().start < position || entry.bytes().start >= end => None,
             Ok(entry) => {
                 position = entry.bytes().end;
                 Some(Ok(entry.bytes()))

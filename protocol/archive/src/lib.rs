@@ -11,6 +11,8 @@ pub mod block_cache;
 pub mod city;
 mod directory;
 #[cfg(feature = "fs")]
+pub mod directory_writer;
+#[cfg(feature = "fs")]
 pub mod disk_cache;
 pub mod error;
 #[cfg(feature = "fs")]
@@ -18,6 +20,7 @@ pub mod file;
 #[cfg(feature = "fs")]
 pub mod file_source;
 pub mod index;
+pub mod joined;
 pub mod lazy;
 pub mod limits;
 pub mod mark;

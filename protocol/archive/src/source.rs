@@ -26,6 +26,11 @@ pub trait RangeSource: Debug {
     /// Length in bytes. `None` until a response contains it.
     fn length(&self) -> Option<u64>;
 
+    /// The same of the file alone, without an archive that follows it ([`crate::joined`]).
+    fn own_bytes(&self) -> Option<u64> {
+        self.length()
+    }
+
     /// Reads a range. The result is shorter than the range only where the object ends.
     fn read(&self, range: Range<u64>) -> RangeRead;
 

@@ -1,12 +1,12 @@
 //! The version of a city, recomputed from its files.
 
-use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE};
-use crate::Archive;
+use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, open_archive, read_manifest};
 use crate::directory::HEADER_BYTES;
 use crate::file::open_regular;
 use crate::limits::MAX_OPENING_TIME;
 use crate::mark::MARK_AT;
 use insula_protocol::TileKind;
+use insula_protocol::release::SharedCity;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -81,11 +81,16 @@ pub fn version_of(hashes: &[[u8; blake3::OUT_LEN]], manifest: &[u8]) -> String {
 /// archives ([`ArchiveDigest`]) and of the search index, that of visibility last, and of the manifest's text with an empty version.
 /// `stated` is the version that the manifest has.
 ///
+/// Of archives that share tiles with other cities, only their own count: the manifest has the versions of these.
+///
 /// It differs from `stated` if a file is of another bake or was changed. Fails if a file cannot be read.
 pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
+    // A manifest that cannot be read has another version than it states.
+    let shared = read_manifest(folder).map(|manifest| manifest.shared().to_vec()).unwrap_or_default();
+    let archive_hash = |kind: TileKind| archive_hash(folder, &shared, kind);
     let mut hashes = Vec::new();
     for kind in [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects] {
-        match archive_hash(&folder.join(kind.file_name())) {
+        match archive_hash(kind) {
             Ok(hash) => hashes.push(hash),
             Err(error) if !kind.is_required() && error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(error),
@@ -96,7 +101,7 @@ pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {}
         Err(error) => return Err(error),
     }
-    match archive_hash(&folder.join(TileKind::Visibility.file_name())) {
+    match archive_hash(TileKind::Visibility) {
         Ok(hash) => hashes.push(hash),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {}
         Err(error) => return Err(error),
@@ -109,9 +114,10 @@ pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
 }
 
 /// The hash of an archive. One that cannot be opened has that of its bytes, which no version is made of.
-fn archive_hash(path: &Path) -> io::Result<[u8; blake3::OUT_LEN]> {
-    let mut file = open_regular(path)?;
-    let Ok(archive) = Archive::open(path, Instant::now() + MAX_OPENING_TIME) else { return hash_rest(&mut file) };
+fn archive_hash(folder: &Path, shared: &[SharedCity], kind: TileKind) -> io::Result<[u8; blake3::OUT_LEN]> {
+    let mut file = open_regular(&folder.join(kind.file_name()))?;
+    let opened = open_archive(folder, &folder.join(".."), shared, kind, Instant::now() + MAX_OPENING_TIME);
+    let Ok(archive) = opened else { return hash_rest(&mut file) };
     let data = archive.data();
     let mut reader = BufReader::with_capacity(1 << 20, &mut file);
     reader.seek(SeekFrom::Start(data.start))?;
