@@ -3,6 +3,7 @@
 use crate::error::BakeError;
 use crate::ground::GroundOption;
 use crate::read::{FACADE_ALGORITHM, FacadeOption, NamePatterns, ReadOptions, named_paths};
+use crate::release::{BaseCity, check_not_shared};
 use crate::sample::SampleSettings;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::{ground, hash, mesh};
@@ -68,6 +69,10 @@ pub struct BakeOptions {
     pub update: bool,
     /// Reuse those of another city instead, which stays as it is.
     pub reuse: Option<PathBuf>,
+    /// Reuse those of a city of an earlier day, and share its tiles: the new city has only the others.
+    pub version_of: Option<PathBuf>,
+    /// Day of which the city is, as in `2024-01-31`.
+    pub date: Option<String>,
     /// Continue an interrupted bake of the same input with the same settings.
     pub resume: bool,
     /// How the inputs are read. The bake sets the size of cells, the level ground, the dropped attributes, and limits by its memory.
@@ -113,6 +118,8 @@ impl Default for BakeOptions {
             scratch_bytes: DEFAULT_SCRATCH_BYTES,
             update: false,
             reuse: None,
+            version_of: None,
+            date: None,
             resume: false,
             read: ReadOptions::default(),
             name: None,
@@ -139,7 +146,8 @@ impl BakeOptions {
     #[must_use]
     pub fn read_paths(&self) -> Vec<PathBuf> {
         let ReadOptions { surroundings, streets, texture_roots, placing, landmarks, proposal, .. } = &self.read;
-        let inputs = self.inputs.iter().chain(&surroundings.files).chain(streets).chain(&self.reuse);
+        let inputs =
+            self.inputs.iter().chain(&surroundings.files).chain(streets).chain(&self.reuse).chain(&self.version_of);
         let proposed = proposal.iter().flat_map(|proposal| &proposal.files);
         let others =
             texture_roots.iter().chain(&placing.grids).chain(landmarks).chain(&self.named_files).chain(proposed);
@@ -176,6 +184,8 @@ pub(crate) struct BakeConfig {
     memory_bytes: usize,
     /// The city whose unchanged blocks are reused, if there is one.
     pub(crate) previous: Option<PathBuf>,
+    /// The city with which it shares tiles, if there is one.
+    pub(crate) base: Option<BaseCity>,
     pub(crate) name: String,
     pub(crate) place: String,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
@@ -207,11 +217,13 @@ impl BakeConfig {
             let value = format!("{:?}", options.sample.visibility).to_lowercase();
             BakeError::Option { option: "--visibility", value, advice }
         })?;
+        check_not_shared(&options.out)?;
         let mut config = Self {
             options: options.clone(),
             threads,
             memory_bytes: check_memory(options.memory_bytes, threads)?,
-            previous: options.reuse.clone().or_else(|| options.update.then(|| options.out.clone())),
+            previous: previous(options),
+            base: BaseCity::of(options.version_of.as_deref(), options.date.as_deref(), &options.out)?,
             name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,
             place: place(options, &folder.to_string_lossy()),
             settings: hash_settings(options)?,
@@ -226,6 +238,7 @@ impl BakeConfig {
             max_line_bytes: config.max_line_bytes().min(options.read.max_line_bytes),
             // All allocations of a bake have a limit.
             max_held_bytes: u64::MAX,
+            origin: config.base.as_ref().map(BaseCity::origin),
             ..options.read.clone()
         };
         Ok(config)
@@ -272,6 +285,12 @@ impl BakeConfig {
     pub(crate) fn block_bytes(&self) -> usize {
         self.memory_bytes / 2
     }
+}
+
+/// The city whose unchanged blocks are reused.
+fn previous(options: &BakeOptions) -> Option<PathBuf> {
+    let other = options.reuse.as_ref().or(options.version_of.as_ref());
+    other.or(options.update.then_some(&options.out)).cloned()
 }
 
 fn check_texts(options: &BakeOptions) -> Result<(), BakeError> {

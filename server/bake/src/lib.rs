@@ -10,6 +10,7 @@ mod mesh;
 pub mod pipeline;
 pub mod progress;
 pub mod read;
+mod release;
 pub mod report;
 pub mod sample;
 pub mod scene;

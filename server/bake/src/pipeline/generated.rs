@@ -85,7 +85,8 @@ pub fn bake_generated(
     let read = ReadReport::default();
     let fingerprints = Vec::new();
     let tree = &tree;
-    let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, fingerprints, objects: None };
+    let (objects, base) = (None, None);
+    let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, fingerprints, objects, base };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
     let written = city::write(input, &mut PackedTiles::new(&packs), &scratch.city(), progress)?;
     scratch.publish()?;

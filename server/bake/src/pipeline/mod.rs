@@ -152,6 +152,7 @@ impl<'a> BakeRun<'a> {
         facts.set_ground(ground.as_ref());
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
         let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.options.cell_m)?;
+        let grid = self.grid_of_base(&city, surroundings.is_some()).unwrap_or(grid);
         let previous = self.open_previous();
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
@@ -174,7 +175,8 @@ impl<'a> BakeRun<'a> {
         let tree = &tiles.tree;
         let searchable = config.options.search_attributes.clone();
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
-        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
+        let base = None;
+        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects, base };
         let (written, clock) = self.write(input, previous)?;
         let WrittenCity { manifest, bytes: city_bytes, filled_in } = written;
         let (threads, blocks) = (config.threads, tiles.counts);
@@ -184,6 +186,17 @@ impl<'a> BakeRun<'a> {
             ReportInput { manifest, city_bytes, read, filled_in, ground, grid, threads, start, blocks, meshes },
             clock,
         ))
+    }
+
+    /// The grid of the city with which this one shares tiles, if there is one and its grid covers this one.
+    fn grid_of_base(&self, city: &ScratchScene, has_surroundings: bool) -> Option<CityGrid> {
+        let (base, bounds) = (self.config.base.as_ref()?, city.bounds?);
+        let found = base.grid(city.origin, bounds).filter(|_| !has_surroundings);
+        if found.is_none() && !has_surroundings {
+            let reach = "the city reaches beyond that of --version-of, so they have no tiles in common; bake the larger one first";
+            self.progress.warn(reach);
+        }
+        found
     }
 
     /// Adds generated ground to the city, if it is wanted.
@@ -286,6 +299,9 @@ impl<'a> BakeRun<'a> {
         let Self { progress, scratch, mut clock, .. } = self;
         progress.stage("write", input.tree.levels().iter().map(|level| level.len() as u64).sum());
         let written = clock.time("write", || {
+            let shares = input.config.base.is_some();
+            let base = previous.as_ref().filter(|_| shares).map(PreviousCity::baked);
+            let input = CityInput { base, ..input };
             let written = city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), progress)?;
             // Closes the previous city's files: some systems do not rename a folder with open files.
             drop(previous);

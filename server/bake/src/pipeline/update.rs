@@ -51,6 +51,11 @@ impl PreviousCity {
         Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), nodes, city })
     }
 
+    /// The city itself.
+    pub(super) fn baked(&self) -> &BakedCity {
+        &self.city
+    }
+
     /// The number of each object, by identifier and how many before it have the same. Empty if the objects cannot be read.
     pub(super) fn object_numbers(&self) -> HashMap<IdentityKey, u32> {
         let mut numbers = HashMap::new();

@@ -104,6 +104,8 @@ pub struct ReadOptions {
     pub stone: Option<String>,
     /// What a proposal changes.
     pub proposal: Option<ProposalOptions>,
+    /// Place to which the coordinates are relative; `None` for the middle of the city.
+    pub origin: Option<[f64; 3]>,
 }
 
 impl Default for ReadOptions {
@@ -137,6 +139,7 @@ impl Default for ReadOptions {
             is_monument: false,
             stone: None,
             proposal: None,
+            origin: None,
         }
     }
 }
@@ -532,7 +535,7 @@ impl<'o> ReadContext<'o> {
         if report.proposal.is_none() {
             self.builder.drop_duplicates(self.options.duplicates, sources)?;
         }
-        let mut city = self.builder.finish(self.textures.textures, sources)?;
+        let mut city = self.builder.finish_at(self.options.origin, self.textures.textures, sources)?;
         if let Some([low, high]) = city.bounds {
             let middle = [0, 1].map(|axis: usize| city.origin[axis] + (low[axis] + high[axis]) / 2.0);
             if let (Some(text), Some(source)) =

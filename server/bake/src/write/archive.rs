@@ -3,17 +3,20 @@
 use crate::error::BakeError;
 use crate::hash::{ShortHash, short_hash};
 use insula_archive::city::ArchiveDigest;
+use insula_archive::directory_writer::{DATA_AT, DirectoryWriter, WrittenFrame};
+use insula_archive::joined::SHARED_AT;
+use insula_archive::{Archive, ReadError};
 use insula_protocol::TileId;
 use pmtiles::{Compression, PmTilesWriter, PmtError, TileCoord, TileType};
 use std::cell::RefCell;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::rc::Rc;
 
 /// Where a header has the start and the length of the tiles' bytes.
-const DATA_AT: usize = 56;
+const DATA_FIELD: usize = 56;
 /// Bytes before those of the tiles are fewer.
 const MAX_HEAD_BYTES: usize = 1 << 16;
 
@@ -26,15 +29,19 @@ pub(crate) struct WrittenArchive {
 }
 
 /// Writes the tiles of `ids` in the archive's own order (along a Hilbert curve, root first) and synchronises the file. Equal tiles are
-/// stored once. Fails if the file cannot be written, or with the first error of `tile`.
+/// stored once. Those that `base` has as they are, are left there. Fails if the file cannot be written, or with the first error of `tile`.
 pub(crate) fn write(
     path: &Path,
+    base: Option<&Archive>,
     ids: &[TileId],
     mut tile: impl FnMut(TileId) -> Result<Vec<u8>, BakeError>,
 ) -> Result<WrittenArchive, BakeError> {
     let failed = |cause| archive_error(path, cause);
     let mut ordered = ids.to_vec();
     ordered.sort_by_cached_key(|id| archive_order(*id));
+    if let Some(base) = base {
+        return write_shared(path, base, ordered, tile);
+    }
     let file = fs::File::create_new(path).map_err(|cause| BakeError::io(path, "written", cause))?;
     let mut writer = writer(ordered.iter().copied()).create(&file).map_err(failed)?;
     let mut tiles = DistinctTiles::default();
@@ -56,6 +63,50 @@ pub(crate) fn write(
     let mut tail = Vec::new();
     file.seek(SeekFrom::Start(end)).and_then(|_| file.read_to_end(&mut tail)).map_err(read)?;
     Ok(WrittenArchive { bytes, digest: tiles.digest.finish(&head, &tail) })
+}
+
+/// Writes those of the tiles that `base` does not have under the same id, and directories of all. `ids` are in the archive's order.
+fn write_shared(
+    path: &Path,
+    base: &Archive,
+    ids: Vec<TileId>,
+    mut tile: impl FnMut(TileId) -> Result<Vec<u8>, BakeError>,
+) -> Result<WrittenArchive, BakeError> {
+    let written = |cause| BakeError::io(path, "written", cause);
+    let same = |id: TileId, bytes: &[u8]| -> Result<Option<u64>, ReadError> {
+        let Some(place) = base.place(id)? else { return Ok(None) };
+        let has_length = place.end - place.start == bytes.len() as u64;
+        Ok((has_length && base.read(place.clone()).ready()? == bytes).then_some(SHARED_AT + place.start))
+    };
+    let file = fs::File::create_new(path).map_err(written)?;
+    let mut out = BufWriter::new(&file);
+    out.write_all(&[0; DATA_AT as usize]).map_err(written)?;
+    let (mut directories, mut tiles) = (DirectoryWriter::default(), DistinctTiles::default());
+    let (mut own, mut end) = (HashMap::new(), DATA_AT);
+    for id in ids {
+        let bytes = tile(id)?;
+        let shared = same(id, &bytes).map_err(|cause| BakeError::io(path, "compared", io::Error::other(cause)))?;
+        let at = match shared {
+            Some(at) => at,
+            None => {
+                let hash = short_hash(&blake3::hash(&bytes));
+                if tiles.add_if_new(hash, true) {
+                    out.write_all(&bytes).map_err(written)?;
+                    own.insert(hash, end);
+                    end += bytes.len() as u64;
+                }
+                own.get(&hash).copied().unwrap_or(end)
+            }
+        };
+        directories.add(id, at, bytes.len() as u32).map_err(written)?;
+    }
+    let WrittenFrame { head, tail } = directories.finish(end, SHARED_AT + base.end()).map_err(written)?;
+    out.write_all(&tail).and_then(|()| out.seek(SeekFrom::Start(0))).map_err(written)?;
+    out.write_all(&head).and_then(|()| out.flush()).map_err(written)?;
+    drop(out);
+    file.sync_all().map_err(written)?;
+    let digest = tiles.digest.finish(&head, &tail);
+    Ok(WrittenArchive { bytes: end + tail.len() as u64, digest })
 }
 
 /// A tile of an archive, without its bytes.
@@ -158,8 +209,8 @@ fn coordinates(id: TileId) -> Result<TileCoord, PmtError> {
 /// Start and end of the tiles' bytes, by the first bytes of an archive.
 fn data_range(head: &[u8]) -> Option<[u64; 2]> {
     let number = |at: usize| Some(u64::from_le_bytes(head.get(at..at + 8)?.try_into().ok()?));
-    let start = number(DATA_AT)?;
-    let end = start.checked_add(number(DATA_AT + 8)?)?;
+    let start = number(DATA_FIELD)?;
+    let end = start.checked_add(number(DATA_FIELD + 8)?)?;
     (start <= head.len() as u64).then_some([start, end])
 }
 
@@ -237,13 +288,13 @@ mod tests {
         let path = |name: &str| folder.path.join(name);
         let mut ids: Vec<TileId> = (0..256).filter_map(|i| TileId::new(4, i % 16, i / 16)).collect();
         let big = vec![7u8; 10_000];
-        let length = write(&path("big"), &ids, |_| Ok(big.clone())).unwrap().bytes;
+        let length = write(&path("big"), None, &ids, |_| Ok(big.clone())).unwrap().bytes;
         assert!((10_000..40_000).contains(&length), "{length}");
         let tile = |id: TileId| Ok(id.to_string().into_bytes());
-        write(&path("first"), &ids, tile).unwrap();
+        write(&path("first"), None, &ids, tile).unwrap();
         let first = fs::read(path("first")).unwrap();
         ids.reverse();
-        write(&path("second"), &ids, tile).unwrap();
+        write(&path("second"), None, &ids, tile).unwrap();
         assert_eq!(fs::read(path("second")).unwrap(), first);
         // Byte 96 of a PMTiles v3 header says "clustered".
         assert_eq!((&first[..8], first[96]), (&b"PMTiles\x03"[..], 1));
@@ -266,7 +317,7 @@ mod tests {
         };
         for count in [1, 2, 40, ids.len()] {
             let (path, ids) = (folder.path.join(count.to_string()), &ids[..count]);
-            let written = write(&path, ids, |id| Ok(bytes(&id))).unwrap();
+            let written = write(&path, None, ids, |id| Ok(bytes(&id))).unwrap();
             let tile = |id: &TileId| {
                 let bytes = bytes(id);
                 ListedTile { id: *id, bytes: bytes.len() as u32, hash: short_hash(&blake3::hash(&bytes)) }
@@ -282,7 +333,7 @@ mod tests {
     #[test]
     fn error_of_a_tile_ends_the_writing() {
         let folder = TestFolder::new("archive-fails");
-        let error = write(&folder.path.join("a.pmtiles"), &[TileId::ROOT], |id| {
+        let error = write(&folder.path.join("a.pmtiles"), None, &[TileId::ROOT], |id| {
             Err(BakeError::tile(id, "read")(insula_protocol::DecodeError::Magic))
         });
         assert!(matches!(error, Err(BakeError::Tile { .. })));

@@ -23,13 +23,16 @@ use crate::ground::GroundReport;
 use crate::hash::ShortHash;
 use crate::progress::Progress;
 use crate::read::{HeightUnit, ReadReport};
+use crate::release::BaseCity;
 use crate::scene::ObjectKind;
 use crate::scene::grid::CityGrid;
 use crate::scene::scratch_scene::ScratchScene;
 use insula_archive::city::{SEARCH_FILE, version_of};
 use insula_archive::mark::mark_file;
+use insula_archive::{Archive, BakedCity};
 use insula_objects::Schema;
 use insula_protocol::manifest::{CityCounts, CityMarks, FORMAT_VERSION, HeightReference, Manifest};
+use insula_protocol::release::Release;
 use insula_protocol::subtree::NodeInfo;
 use insula_protocol::text::printable;
 use insula_protocol::{NODE_CELLS, TileId, TileKind, mesh_tile, tile};
@@ -149,6 +152,14 @@ pub(crate) struct CityInput<'a> {
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
     /// `None` for a city without sources.
     pub(crate) objects: Option<NumberedRecords<'a>>,
+    /// The city that has the tiles which are the same in this one.
+    pub(crate) base: Option<&'a BakedCity>,
+}
+
+impl<'a> CityInput<'a> {
+    fn base_archive(&self, kind: TileKind) -> Option<&'a Archive> {
+        self.base.and_then(|city| city.archive(kind))
+    }
 }
 
 #[derive(Debug)]
@@ -180,7 +191,7 @@ pub(crate) fn write(
 ) -> Result<WrittenCity, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
-    let blockmaps = archive::write(&folder.join(BLOCKMAPS_FILE), &ids, |id| {
+    let blockmaps = archive::write(&folder.join(BLOCKMAPS_FILE), input.base_archive(TileKind::BlockMap), &ids, |id| {
         progress.advance(1);
         let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
         tiles.tile(stored)
@@ -213,7 +224,7 @@ pub(crate) fn write_others(
         standing = Some(objects.standing(&kinds, input.grid)?);
         sea = objects.sea_and_land(&kinds)?;
         drop(kinds);
-        written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
+        written.push(objects.write(&schema, input.base_archive(TileKind::Objects), &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
     }
     let mut bytes: u64 = written.iter().map(|archive| archive.bytes).sum();
@@ -249,7 +260,8 @@ pub(crate) fn write_others(
     if input.config.options.picture {
         progress.stage("picture", 0);
         // A city is complete without its picture.
-        match thumbnail::write(folder, input.tree, tiles, &manifest, &input.config.thread_pool()?) {
+        let beside = input.config.base.as_ref().map_or(folder, |base| base.beside.as_path());
+        match thumbnail::write([folder, beside], input.tree, tiles, &manifest, &input.config.thread_pool()?) {
             Ok(length) => bytes += length,
             Err(reason) => progress.warn(&format!("the city has no picture ({}): {reason}", thumbnail::FILE_NAME)),
         }
@@ -274,7 +286,7 @@ fn write_subtrees(input: &CityInput<'_>, nodes: &[Vec<NodeInfo>], path: &Path) -
     let encoded = |roots: &[TileId]| pool.install(|| roots.par_iter().map(encode).collect::<Vec<_>>());
     let mut subtrees = roots.chunks(SUBTREES_AT_ONCE).flat_map(encoded);
     let missing = || BakeError::Scratch { path: path.to_owned() };
-    archive::write(path, &roots, |_| subtrees.next().ok_or_else(missing)?)
+    archive::write(path, input.base_archive(TileKind::Subtree), &roots, |_| subtrees.next().ok_or_else(missing)?)
 }
 
 /// Writes the archive of what can be seen from streets; `None` if the city has no sets.
@@ -291,7 +303,13 @@ fn write_street_sets(
         tiles.lock().unwrap_or_else(PoisonError::into_inner).tile(stored)
     };
     let path = folder.join(TileKind::Visibility.file_name());
-    visibility::write_archive(&path, extent, read, input.config.threads, progress)
+    visibility::write_archive(
+        (&path, input.base_archive(TileKind::Visibility)),
+        extent,
+        read,
+        input.config.threads,
+        progress,
+    )
 }
 
 /// Writes the archive of meshes, each level of detail under its own tile id.
@@ -302,7 +320,7 @@ fn write_meshes(input: &CityInput<'_>, tiles: &mut dyn TileContent, path: &Path)
         by_id.insert(mesh_tile::archive_id(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
     }
     let ids: Vec<TileId> = by_id.keys().copied().collect();
-    archive::write(path, &ids, |id| tiles.mesh(by_id.get(&id).ok_or_else(missing)?))
+    archive::write(path, input.base_archive(TileKind::Mesh), &ids, |id| tiles.mesh(by_id.get(&id).ok_or_else(missing)?))
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
@@ -360,7 +378,17 @@ fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifes
         street_sets: false,
         marks: None,
         sea: None,
+        release: release(input),
     }
+}
+
+/// Of which day the city is; `None` if nobody says it.
+fn release(input: &CityInput<'_>) -> Option<Release> {
+    let (config, base) = (input.config, input.config.base.as_ref());
+    let of = base.map_or(config.name.as_str(), |base| base.manifest.release_name()).to_owned();
+    let date = config.options.date.clone()?;
+    let shared = base.filter(|_| input.base.is_some()).map(BaseCity::shared).unwrap_or_default();
+    Some(Release { of, date, bake_origin: input.facts.origin, shared })
 }
 
 /// What one sees first of the city: `[min, max]` in world coordinates.

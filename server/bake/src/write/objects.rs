@@ -10,6 +10,7 @@ use crate::error::BakeError;
 use crate::scene::grid::CityGrid;
 use crate::scene::object_numbers::NumberedObject;
 use crate::scene::object_records::{ObjectRecords, RecordReader};
+use insula_archive::Archive;
 use insula_objects::FeatureKind;
 use insula_objects::block::{self, BLOCK_OBJECTS, ObjectBounds, ObjectRecord};
 use insula_objects::schema::{Schema, SchemaBuilder};
@@ -107,8 +108,13 @@ impl NumberedRecords<'_> {
         Ok(standing.finish())
     }
 
-    /// Writes the archive. Fails if a record cannot be read or the file cannot be written.
-    pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<WrittenArchive, BakeError> {
+    /// Writes the archive; for `base` see [`archive::write`]. Fails if a record cannot be read or the file cannot be written.
+    pub(crate) fn write(
+        &self,
+        schema: &Schema,
+        base: Option<&Archive>,
+        path: &Path,
+    ) -> Result<WrittenArchive, BakeError> {
         let mut used: Vec<u32> = Vec::new();
         self.rows.try_for_each(|number, row| {
             let block = (number / BLOCK_OBJECTS) as u32;
@@ -120,7 +126,7 @@ impl NumberedRecords<'_> {
         let mut reader = self.records.reader()?;
         let names: HashMap<&str, u32> =
             (0..).zip(&schema.attributes).map(|(i, attribute)| (attribute.name.as_str(), i)).collect();
-        archive::write(path, &ids, |id| {
+        archive::write(path, base, &ids, |id| {
             let content = match block_number(id) {
                 None => encode_schema(schema),
                 Some(block) => {

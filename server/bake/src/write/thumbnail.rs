@@ -9,7 +9,7 @@ use super::tile_tree::TileTree;
 use crate::error::BakeError;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
-use insula_archive::Archive;
+use insula_archive::city::open_archive;
 use insula_archive::limits::MAX_OPENING_TIME;
 pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
 use insula_protocol::route::THUMBNAIL_PX;
@@ -57,16 +57,17 @@ const MAX_PASSES: u32 = 64;
 /// Tiles that are decoded at once.
 const TILES_AT_ONCE: usize = 64;
 
-/// Writes the picture into `folder`, which has the subtrees of the city, and returns its size in bytes. Fails with the reason if a tile
-/// cannot be read, or the file not be written.
+/// Writes the picture into `folder`, which has the subtrees of the city; those that it shares with other cities are in folders in `beside`.
+/// Returns its size in bytes. Fails with the reason if a tile cannot be read, or the file not be written.
 pub(super) fn write(
-    folder: &Path,
+    [folder, beside]: [&Path; 2],
     city: &TileTree,
     tiles: &mut (dyn TileContent + Send),
     manifest: &Manifest,
     pool: &ThreadPool,
 ) -> Result<u64, String> {
-    let subtrees = Archive::open(&folder.join(TileKind::Subtree.file_name()), Instant::now() + MAX_OPENING_TIME);
+    let deadline = Instant::now() + MAX_OPENING_TIME;
+    let subtrees = open_archive(folder, beside, manifest.shared(), TileKind::Subtree, deadline);
     let subtrees = subtrees.map_err(|error| error.to_string())?;
     let text = |error: BakeError| error.to_string();
     let mut read = |key: TileKey| {

@@ -5,6 +5,7 @@
 use super::archive::{self, WrittenArchive};
 use crate::error::BakeError;
 use crate::progress::Progress;
+use insula_archive::Archive;
 use insula_protocol::{BlockMap, Manifest, TileId};
 use insula_visibility::{CityExtent, CitySets, MAX_LEAF_SQUARES, NoSets, SWEEPS, Settings};
 use std::path::Path;
@@ -19,9 +20,9 @@ pub(super) fn extent(manifest: &Manifest, terminals: Vec<TileId>) -> CityExtent 
 }
 
 /// Writes the archive, and returns what it wrote. `None` if the city has no sets; the user is told if it is too large for them. `read`
-/// gives the bytes of a node's V-BlockMap. Fails if a tile cannot be read or the file cannot be written.
+/// gives the bytes of a node's V-BlockMap; for `base` see [`archive::write`]. Fails if a tile cannot be read or the file cannot be written.
 pub(super) fn write_archive(
-    path: &Path,
+    (path, base): (&Path, Option<&Archive>),
     extent: CityExtent,
     read: impl Fn(TileId) -> Result<Vec<u8>, BakeError> + Sync,
     threads: usize,
@@ -43,5 +44,6 @@ pub(super) fn write_archive(
     let sets =
         pool.install(|| CitySets::compute(&extent, &Settings::default(), decode, |_| true, || progress.advance(1)))?;
     let Some(sets) = sets else { return Ok(None) };
-    archive::write(path, &sets.blocks(), |id| sets.tile(id).encode().map_err(BakeError::tile(id, "written"))).map(Some)
+    archive::write(path, base, &sets.blocks(), |id| sets.tile(id).encode().map_err(BakeError::tile(id, "written")))
+        .map(Some)
 }

@@ -258,6 +258,7 @@ impl BakeSteps<'_> {
             tree: &tiles.tree,
             fingerprints: tiles.fingerprints.clone(),
             objects: Some(numbered),
+            base: None,
         };
         self.progress.stage("write", 0);
         let written = city::write_others(input, bytes, archives, city_folder, self.progress)?;

@@ -49,11 +49,22 @@ impl SceneBuilder {
         })
     }
 
-    /// The city. Its origin is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
-    /// corners of a city of 16 km are exact to half a millimetre. Removes objects that are left out from the reports in
-    /// `sources`. Fails if the objects cannot be read.
+    /// The city, whose origin follows from its bounds.
+    #[cfg(test)]
     pub(crate) fn finish(
         self,
+        textures: TextureStore,
+        sources: &mut [SourceReport],
+    ) -> Result<ScratchScene, BakeError> {
+        self.finish_at(None, textures, sources)
+    }
+
+    /// The city. Without another `origin` it is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
+    /// corners of a city of 16 km are exact to half a millimetre. Removes objects that are left out from the reports in
+    /// `sources`. Fails if the objects cannot be read.
+    pub(crate) fn finish_at(
+        self,
+        origin: Option<[f64; 3]>,
         textures: TextureStore,
         sources: &mut [SourceReport],
     ) -> Result<ScratchScene, BakeError> {
@@ -79,7 +90,8 @@ impl SceneBuilder {
         if low[0] > high[0] {
             return Ok(city);
         }
-        city.origin = [((low[0] + high[0]) / 2.0).floor(), ((low[1] + high[1]) / 2.0).floor(), low[2].floor()];
+        let middle = |axis: usize| ((low[axis] + high[axis]) / 2.0).floor();
+        city.origin = origin.unwrap_or_else(|| [middle(0), middle(1), low[2].floor()]);
         let (mut min, mut max) = ([f64::MAX; 3], [f64::MIN; 3]);
         self.pending.try_for_each(|_, object| {
             let offset_m: [f64; 3] = std::array::from_fn(|axis| object.anchor[axis] - city.origin[axis]);
