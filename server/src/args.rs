@@ -25,8 +25,8 @@ pub use objects::{ChangesArgs, ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::GeoPlace;
 use parse::{
-    parse_address, parse_bytes, parse_cell, parse_crs, parse_kilometres, parse_metres, parse_name, parse_place,
-    parse_positive_metres, parse_quality, parse_tile,
+    city_parser, parse_address, parse_bytes, parse_cell, parse_crs, parse_date, parse_kilometres, parse_metres,
+    parse_name, parse_place, parse_positive_metres, parse_quality, parse_tile,
 };
 pub use publish::{PublishArgs, SignArgs};
 use std::path::PathBuf;
@@ -305,6 +305,13 @@ pub struct BakeArgs {
     /// Take unchanged blocks from another city of the same inputs and settings, which stays as it is
     #[arg(long, value_name = "CITY", conflicts_with_all = ["update", "work"])]
     pub reuse: Option<PathBuf>,
+    /// Bake another version of a city, of the same settings and another --date: it takes little space, because CITY, which stays
+    /// beside it, has the tiles that are the same
+    #[arg(long, value_name = "CITY", requires = "date", conflicts_with_all = ["update", "reuse", "work"], value_parser = city_parser())]
+    pub version_of: Option<PathBuf>,
+    /// Day of which the city is, as in 2024-01-31: CITY@2024-01-31 names it, and pages show the versions of a city by their days
+    #[arg(long, value_name = "DATE", value_parser = parse_date)]
+    pub date: Option<String>,
     /// Bake the city of --reuse with a proposal: a TOML file of models and blocks that are added, and of objects that are
     /// removed
     #[arg(long, value_name = "FILE.toml", requires = "reuse")]
@@ -400,7 +407,7 @@ pub struct ServeArgs {
 #[command(group = clap::ArgGroup::new("picture").multiple(true))]
 pub struct InspectArgs {
     /// City folder, or an input of `bake`
-    #[arg(value_name = "CITY|INPUT")]
+    #[arg(value_name = "CITY|INPUT", value_parser = city_parser())]
     pub city: PathBuf,
     #[command(flatten)]
     pub read: ReadArgs,
@@ -427,6 +434,7 @@ pub struct InspectArgs {
 #[derive(Debug, clap::Args)]
 pub struct VerifyArgs {
     /// City folder
+    #[arg(value_parser = city_parser())]
     pub city: PathBuf,
     #[command(flatten)]
     pub json: JsonArgs,

@@ -62,12 +62,17 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["labels"], Reads("bake town.geojson --out new --labels {}", ".toml")),
     ("insula-server bake", &["proposal"], Reads("bake town.geojson --out new --reuse city --proposal {}", ".toml")),
     ("insula-server bake", &["reuse"], ReadsFolder("bake town.geojson --cell 4 --out new --reuse {}")),
+    (
+        "insula-server bake",
+        &["version_of"],
+        ReadsFolder("bake town.geojson --cell 4 --out new --date 2024-01-31 --version-of {}"),
+    ),
     ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
     ("insula-server bake", &["out"], WritesFolder("bake town.geojson --cell 4 --out {}")),
     ("insula-server bake", &["work"], WritesFolder("bake plan --inputs town.geojson --cell 4 --work {}")),
     ("insula-server bake", &["texture_root"], ReadsFolder("bake a.off --out new --texture-root {}")),
     ("insula-server bake", &["grids"], ReadsFolder("bake a.off --out new --grids {}")),
-    ("insula-server bake", &["job", "crs", "name", "title", "attribution", "licence", "source_url"], TEXT),
+    ("insula-server bake", &["job", "crs", "date", "name", "title", "attribution", "licence", "source_url"], TEXT),
     ("insula-server bake", &["only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"], TEXT),
     ("insula-server serve", &["config"], Reads("serve city --listen 127.0.0.1:0 --config {}", ".toml")),
     (

@@ -1,7 +1,7 @@
 //! Locations of cities as typed by the user.
 
 use crate::error::{ClientError, Result};
-use insula_archive::city::{MANIFEST_FILE, first_city_in};
+use insula_archive::city::{MANIFEST_FILE, dated_folder, first_city_in};
 use insula_protocol::manifest::is_name;
 use insula_protocol::route::{self, CITIES, without_secrets};
 use std::ffi::OsStr;
@@ -46,7 +46,7 @@ impl CityLocation {
         };
         let invalid = || not_a_city("not a city");
         let Some(scheme_end) = text.find("://").map(|at| at + 3) else {
-            let path = Path::new(place);
+            let path = &*dated_folder(PathBuf::from(place));
             let folder = if path.ends_with(MANIFEST_FILE) { path.parent().unwrap_or(path) } else { path };
             if folder.join(MANIFEST_FILE).is_file() {
                 return Ok(Self::Folder(folder.to_owned()));

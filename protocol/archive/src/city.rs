@@ -16,7 +16,7 @@ mod folder;
 mod version;
 
 #[cfg(feature = "fs")]
-pub use folder::first_city_in;
+pub use folder::{dated_folder, first_city_in};
 #[cfg(feature = "fs")]
 pub use version::{ArchiveDigest, content_version, version_of};
 

@@ -6,8 +6,8 @@ use flate2::write::GzEncoder;
 use insula_protocol::TileId;
 use std::io::{self, Write};
 
-/// Where the bytes of tiles begin, behind the header and the root directory.
-pub const DATA_AT: u64 = 16 << 10;
+/// Where the bytes of tiles begin, behind the header and the root directory of up to some million tiles.
+pub const DATA_AT: u64 = 4 << 10;
 const HEADER_BYTES: usize = crate::directory::HEADER_BYTES as usize;
 /// Entries of a leaf directory.
 const LEAF_ENTRIES: usize = 4096;

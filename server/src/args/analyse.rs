@@ -1,6 +1,7 @@
 //! Arguments of `analyse`.
 
 use super::JsonArgs;
+use super::parse::city_parser;
 use clap::ValueEnum;
 use insula_command_line::area::AreaArgs;
 use insula_command_line::output::OverwriteArgs;
@@ -25,6 +26,7 @@ pub enum Analysis {
 #[derive(Debug, clap::Args)]
 pub struct AnalyseArgs {
     /// City folder
+    #[arg(value_parser = city_parser())]
     pub city: PathBuf,
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]

@@ -1,7 +1,7 @@
 //! Arguments of the commands for mesh files.
 
 use super::JsonArgs;
-use super::parse::{parse_max_error, parse_ratio, parse_samples};
+use super::parse::{city_parser, parse_max_error, parse_ratio, parse_samples};
 use insula_command_line::output::OverwriteArgs;
 use std::path::PathBuf;
 
@@ -64,8 +64,10 @@ pub struct SimplifyArgs {
 #[derive(Debug, clap::Args)]
 pub struct CompareArgs {
     /// Mesh file, baked city, or city file
+    #[arg(value_parser = city_parser())]
     pub a: PathBuf,
     /// The same
+    #[arg(value_parser = city_parser())]
     pub b: PathBuf,
     /// Points that are spread over each surface, besides its vertices; at most 10 million
     #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = parse_samples)]

@@ -1,6 +1,7 @@
 //! Arguments of the commands that read objects.
 
 use super::JsonArgs;
+use super::parse::city_parser;
 #[cfg(feature = "bake")]
 use super::parse::parse_positive_metres;
 #[cfg(feature = "bake")]
@@ -14,6 +15,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct ObjectsArgs {
     /// City folder
+    #[arg(value_parser = city_parser())]
     pub city: PathBuf,
     /// Numbers of objects, as pictures and tiles give them [default: the attributes of the city]
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(..=0xffff_fffe))]
@@ -26,6 +28,7 @@ pub struct ObjectsArgs {
 #[derive(Debug, clap::Args)]
 pub struct SearchArgs {
     /// City folder
+    #[arg(value_parser = city_parser())]
     pub city: PathBuf,
     /// Starts of words of a name, an address or an identifier, in any order; 1 to 128 characters
     #[arg(value_parser = parse_text)]
@@ -48,6 +51,7 @@ fn parse_text(text: &str) -> Result<String, String> {
 #[derive(Debug, clap::Args)]
 pub struct ExportArgs {
     /// City folder
+    #[arg(value_parser = city_parser())]
     pub city: PathBuf,
     /// csv, geojson, geoparquet, flatgeobuf (footprints, heights and attributes), cityjsonseq, glb (meshes), geotiff (heights) or 3dtiles
     /// [default: by the name of the file]
@@ -152,9 +156,11 @@ impl ExportFormat {
 #[cfg(feature = "bake")]
 #[derive(Debug, clap::Args)]
 pub struct ChangesArgs {
-    /// Folder of the earlier city
+    /// Folder of the earlier city, or CITY@DATE for a version of it beside it
+    #[arg(value_parser = city_parser())]
     pub before: PathBuf,
     /// Folder of the later city
+    #[arg(value_parser = city_parser())]
     pub after: PathBuf,
     /// Table to write, with the footprint of each building that was built, demolished or changed
     #[arg(long, value_name = "FILE.csv|FILE.geojson|FILE.parquet|FILE.fgb")]

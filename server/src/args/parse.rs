@@ -1,11 +1,13 @@
 //! Values of options. Each function says in its error what it expects.
 
 use crate::config::{DEFAULT_LISTEN, check_address};
-use insula_archive::city::MANIFEST_FILE;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use insula_archive::city::{MANIFEST_FILE, dated_folder};
 use insula_protocol::TileId;
 use insula_protocol::blockmap::Quality;
 use insula_protocol::manifest::is_name;
-use std::path::Path;
+use insula_protocol::release::is_date;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Longitude and latitude in degrees, height in metres.
@@ -14,6 +16,15 @@ pub struct GeoPlace(pub [f64; 3]);
 
 fn parse_number<T: FromStr>(text: &str, is_allowed: impl FnOnce(&T) -> bool, expected: &str) -> Result<T, String> {
     text.parse().ok().filter(is_allowed).ok_or_else(|| format!("expected {expected}"))
+}
+
+/// The folder of a city, also as that of another version and a day: `CITY@2024-01-31`.
+pub(super) fn city_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(dated_folder)
+}
+
+pub(super) fn parse_date(text: &str) -> Result<String, String> {
+    if is_date(text) { Ok(text.to_owned()) } else { Err("expected a day, such as 2024-01-31".to_owned()) }
 }
 
 pub(super) fn parse_ratio(text: &str) -> Result<f64, String> {

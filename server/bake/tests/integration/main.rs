@@ -10,6 +10,7 @@ mod ground;
 mod hovering;
 mod landmarks;
 mod palette;
+mod release;
 mod resume;
 mod steps;
 mod steps_foreign;

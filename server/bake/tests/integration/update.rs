@@ -38,7 +38,7 @@ fn updating(options: BakeOptions) -> BakeOptions {
 }
 
 /// Removes a box. The order of the others stays, as in a source that is edited.
-fn without(mut scene: Scene, object: u32) -> Scene {
+pub(crate) fn without(mut scene: Scene, object: u32) -> Scene {
     scene.triangles.retain(|triangle| triangle.object != object);
     scene.objects.remove(object as usize);
     scene.triangles.iter_mut().filter(|triangle| triangle.object > object).for_each(|triangle| triangle.object -= 1);
@@ -46,7 +46,7 @@ fn without(mut scene: Scene, object: u32) -> Scene {
 }
 
 /// Makes a box 3 m higher.
-fn raised(mut scene: Scene, object: u32) -> Scene {
+pub(crate) fn raised(mut scene: Scene, object: u32) -> Scene {
     let high = scene.triangles.iter().filter(|t| t.object == object).flat_map(|t| t.corners).map(|c| c[2]);
     let high = high.fold(f32::MIN, f32::max);
     for corner in scene.triangles.iter_mut().filter(|t| t.object == object).flat_map(|t| &mut t.corners) {
