@@ -37,8 +37,7 @@ fn main() -> Result<()> {
     ensure!(args.rounds > 0, "--rounds is 0");
     let city = CityStore::open(&args.city)?;
     let read = |kind, id| city.tile(kind, id);
-    let schema = StoredCity::read_schema(&read)?;
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read)?;
     let bbox = args.bbox_metres.as_ref().map(|ends| [[ends[0], ends[1]], [ends[2], ends[3]]]);
     let request = |view: &[f64]| DrawRequest {
         view: DrawView::Axonometric { azimuth_deg: view[0], elevation_deg: view[1] },

@@ -96,8 +96,7 @@ fn main() -> Result<()> {
 fn leaf_triangles(folder: &Path) -> Result<BTreeMap<TileId, Triangles>> {
     let city = CityStore::open(folder)?;
     let read = |kind, id| city.tile(kind, id);
-    let schema = StoredCity::read_schema(&read)?;
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read)?;
     let area = city.manifest().bounds.map(|[x, y, _]| [x, y]);
     let mut leaves: BTreeMap<TileId, Triangles> = BTreeMap::new();
     visit_leaf_meshes(&source, area, 0.0, &mut |leaf| {

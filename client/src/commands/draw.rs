@@ -78,8 +78,7 @@ fn check_output(args: &DrawArgs) -> Result<()> {
 fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> Result<()> {
     let format = DrawingFormat::of(&args.out).map_err(|error| failed(&error))?;
     let paper = Paper::parse(&args.paper).map_err(|error| failed(&error))?;
-    let schema = StoredCity::read_schema(read).map_err(|error| unreadable(&error))?;
-    let source = StoredCity::new(manifest, &schema, read);
+    let source = StoredCity::open(manifest, read).map_err(|error| unreadable(&error))?;
     let view = view(args, &source)?;
     let color_by = args.color_by.as_ref().map(|text| {
         let parsed = ColorBy::parse(text, source.schema());

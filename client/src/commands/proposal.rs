@@ -9,6 +9,8 @@ use crate::stream::fetch::Http;
 #[cfg(feature = "embedded")]
 use insula_bake::read::EarthPlace;
 #[cfg(feature = "embedded")]
+use insula_export::source::ExportSource;
+#[cfg(feature = "embedded")]
 use insula_server::{
     proposal::{Proposal, ProposalError},
     store::StoredCity,
@@ -56,11 +58,10 @@ pub(super) fn open(path: Option<&Path>, _: &Http, _: &mut OpenedCity) -> Result<
 #[cfg(feature = "embedded")]
 fn in_city(proposal: &Proposal, http: &Http, city: &OpenedCity) -> Result<ShownProposal> {
     let read = |kind, id| fetch_tile(http, city, kind, id);
-    let schema = StoredCity::read_schema(&read).map_err(|error| ClientError::Failed(error.to_string()))?;
-    if proposal.removes() && schema.objects == 0 && !city.source.opens_objects() {
+    let source = StoredCity::open(&city.manifest, &read).map_err(|error| ClientError::Failed(error.to_string()))?;
+    if proposal.removes() && source.schema().objects == 0 && !city.source.opens_objects() {
         return Err(ClientError::Usage(format!("--proposal: {WITHOUT_OBJECTS}")));
     }
-    let source = StoredCity::new(&city.manifest, &schema, &read);
     let place = city.manifest.crs.as_deref().and_then(EarthPlace::of);
     let change = proposal.change(&source, place.as_ref()).map_err(|error| wrong(&error))?;
     let found = change.objects(proposal, &source).map_err(|error| wrong(&error))?;

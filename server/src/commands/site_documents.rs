@@ -63,8 +63,7 @@ pub(super) fn write_tileset(site: &mut SiteFolder, city: &CityStore) -> Result<(
     let failed = |reason: String| CommandError::file(city.location(), reason);
     let manifest = city.manifest();
     let read = |kind, id| city.tile(kind, id);
-    let schema = StoredCity::read_schema(&read).map_err(|error| failed(error.to_string()))?;
-    let source = StoredCity::new(manifest, &schema, &read);
+    let source = StoredCity::open(manifest, &read).map_err(|error| failed(error.to_string()))?;
     let place =
         manifest.crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(manifest.heights.is_some()));
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
@@ -90,8 +89,9 @@ pub(super) fn write_proposals(site: &mut SiteFolder, city: &CityStore, brand: &B
     let name = &city.manifest().name;
     let Some(folder) = brand.proposals_of(name) else { return Ok(false) };
     let read = |kind, id| city.tile(kind, id);
-    let schema = StoredCity::read_schema(&read).map_err(|error| CommandError::file(city.location(), error))?;
-    let (json, faults) = document(Some(folder), &StoredCity::new(city.manifest(), &schema, &read));
+    let source =
+        StoredCity::open(city.manifest(), &read).map_err(|error| CommandError::file(city.location(), error))?;
+    let (json, faults) = document(Some(folder), &source);
     faults.iter().for_each(|fault| eprintln!("warning: {}", printable(fault)));
     site.write(&format!("cities/{name}/{PROPOSALS_FILE}"), json.as_bytes())?;
     Ok(true)

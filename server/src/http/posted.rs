@@ -99,8 +99,7 @@ pub(super) fn with_source<T>(
         }
         runtime.block_on(city.checked_tile(kind, id))
     };
-    let schema = StoredCity::read_schema(&read)?;
-    Ok(work(&StoredCity::new(city.manifest(), &schema, &read)))
+    Ok(work(&StoredCity::open(city.manifest(), &read)?))
 }
 
 /// The response if the city's files have failed, which is logged.

@@ -91,9 +91,8 @@ fn requested(state: &AppState, request: &Parts) -> Result<(Arc<CityStore>, CityA
 fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Vec<u8>, FileError> {
     let failed = |error: &dyn std::fmt::Display| FileError::Failed(error.to_string());
     let read = |kind, id| runtime.block_on(city.checked_tile(kind, id));
-    let schema = StoredCity::read_schema(&read).map_err(|error| failed(&error))?;
-    let source = StoredCity::new(city.manifest(), &schema, &read);
     let manifest = city.manifest();
+    let source = StoredCity::open(manifest, &read).map_err(|error| failed(&error))?;
     let place =
         manifest.crs.as_deref().and_then(EarthPlace::of).map(|place| place.above_sea_level(manifest.heights.is_some()));
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);

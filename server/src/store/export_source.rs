@@ -6,6 +6,7 @@ use insula_export::source::{ExportSource, SourceError};
 use insula_objects::{ObjectBlock, Schema};
 use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
 use insula_protocol::{BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile};
+use std::borrow::Cow;
 use std::fmt::Display;
 
 /// Reads a tile by its place in the archive; `None` if there is no such tile.
@@ -14,18 +15,23 @@ pub type ReadTileFn<'a> = dyn Fn(TileKind, TileId) -> Result<Option<Bytes>, Read
 /// A city, and what reads its tiles.
 pub struct StoredCity<'a> {
     manifest: &'a Manifest,
-    schema: &'a Schema,
+    schema: Cow<'a, Schema>,
     read: &'a ReadTileFn<'a>,
 }
 
 impl<'a> StoredCity<'a> {
     /// `read` is called for each tile, and may wait.
     pub fn new(manifest: &'a Manifest, schema: &'a Schema, read: &'a ReadTileFn<'a>) -> Self {
-        Self { manifest, schema, read }
+        Self { manifest, schema: Cow::Borrowed(schema), read }
     }
 
-    /// The schema of a city's objects; an empty one if it has no objects. Fails if it cannot be read, or is damaged.
-    pub fn read_schema(read: &ReadTileFn<'_>) -> Result<Schema, SourceError> {
+    /// As [`Self::new`], with the schema that is read. Fails if it cannot be read, or is damaged.
+    pub fn open(manifest: &'a Manifest, read: &'a ReadTileFn<'a>) -> Result<Self, SourceError> {
+        Ok(Self { manifest, schema: Cow::Owned(Self::read_schema(read)?), read })
+    }
+
+    /// The schema of a city's objects; an empty one if it has no objects.
+    fn read_schema(read: &ReadTileFn<'_>) -> Result<Schema, SourceError> {
         let failed = |reason: &dyn Display| source_error(TileKind::Objects, SCHEMA_ID, reason);
         let Some(bytes) = read(TileKind::Objects, SCHEMA_ID).map_err(|error| failed(&error))? else {
             return Ok(Schema::default());
@@ -51,14 +57,14 @@ impl ExportSource for StoredCity<'_> {
     }
 
     fn schema(&self) -> &Schema {
-        self.schema
+        &self.schema
     }
 
     fn objects(&self, block: u32) -> Result<Option<ObjectBlock>, SourceError> {
         let Some(id) = block_id(block) else { return Ok(None) };
         let Some(bytes) = self.tile(TileKind::Objects, id)? else { return Ok(None) };
         let decoded =
-            object_tile::decode(id, &bytes).and_then(|content| ObjectBlock::decode(block, &content, self.schema));
+            object_tile::decode(id, &bytes).and_then(|content| ObjectBlock::decode(block, &content, &self.schema));
         let failed = |error| SourceError { what: format!("objects {block}"), reason: format!("{error}") };
         decoded.map(Some).map_err(failed)
     }

@@ -8,7 +8,6 @@ use insula_draw::style::Stylesheet;
 use insula_draw::view::DrawView;
 use insula_draw::{DrawRequest, DrawnPart, draw, draw_part};
 use insula_export::camera::ExportCamera;
-use insula_objects::Schema;
 use insula_server::config::ServeConfig;
 use insula_server::store::{CityStore, StoredCity};
 use insula_test_support::small_city;
@@ -37,9 +36,8 @@ fn request(view: DrawView, scale: Option<f64>, style: Stylesheet) -> DrawRequest
 async fn drawings_are_those_of_the_command() {
     let server = start(|_| {}).await;
     let city = CityStore::open(&server.folder.path().join("two")).unwrap();
-    let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read).unwrap();
     for (format, name, content_type) in [
         (DrawingFormat::Svg, "svg", "image/svg+xml"),
         (DrawingFormat::Pdf, "pdf", "application/pdf"),
@@ -74,9 +72,8 @@ fn a_second_view_of_a_part_needs_no_tree() {
     let place = folder.path().join("two");
     small_city::write_city_with_meshes(&place, "two");
     let city = CityStore::open(&place).unwrap();
-    let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read).unwrap();
     let plan = request(DrawView::Plan, None, Stylesheet::default());
     let part = DrawnPart::read(&source, &plan, &|_, _| true).unwrap();
     let without_tree = part.byte_len();
@@ -105,9 +102,8 @@ fn eyes_in_houses_and_below_the_ground_are_lifted_out() {
     let folder = tempfile::tempdir().unwrap();
     small_city::write_city_with_meshes(folder.path(), "two");
     let city = CityStore::open(folder.path()).unwrap();
-    let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read).unwrap();
     let lifted = |eye: [f64; 3]| {
         let camera = camera_at(eye);
         let lifted = lifted_camera(&source, camera).unwrap()?;
@@ -143,9 +139,8 @@ fn camera_at(position: [f64; 3]) -> ExportCamera {
 async fn cameras_are_drawn_as_given_and_lifted_out_of_houses() {
     let server = start(|_| {}).await;
     let city = CityStore::open(&server.folder.path().join("two")).unwrap();
-    let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(city.manifest(), &schema, &read);
+    let source = StoredCity::open(city.manifest(), &read).unwrap();
     let drawn = |camera: ExportCamera| {
         let request = request(camera.into(), None, Stylesheet::default());
         draw(&source, &request, &|_, _| true).map(|drawing| encode(&drawing, DrawingFormat::Svg))
