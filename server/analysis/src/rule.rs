@@ -103,30 +103,24 @@ pub struct Rule {
 struct RuleFile {
     title: String,
     source: String,
-    #[serde(default = "default_year")]
-    year: i32,
+    year: Option<i32>,
     /// Days as MM-DD.
     #[serde(default)]
     days: Vec<String>,
     /// First and last day as MM-DD; `every_days` apart, and the last one.
     range: Option<[String; 2]>,
-    #[serde(default = "default_every")]
-    every_days: u64,
+    every_days: Option<u64>,
     #[serde(default)]
     day_mode: DayMode,
-    #[serde(default = "default_hours")]
-    hours: [f64; 2],
+    hours: Option<[f64; 2]>,
     /// `true-solar`, `mean-solar`, an offset such as `+09:00`, or a time zone.
-    #[serde(default = "default_time")]
-    time: String,
+    time: Option<String>,
     #[serde(default)]
     lowest_sun_deg: f64,
-    #[serde(default = "default_step")]
-    step_minutes: f64,
+    step_minutes: Option<f64>,
     #[serde(default)]
     mode: CountMode,
-    #[serde(default = "default_heights")]
-    wall_heights_m: Vec<f64>,
+    wall_heights_m: Option<Vec<f64>>,
     asked_hours: Option<f64>,
     /// `hours`, or `probable-sunlight`.
     #[serde(default)]
@@ -142,30 +136,6 @@ enum MeasureName {
     #[default]
     Hours,
     ProbableSunlight,
-}
-
-fn default_year() -> i32 {
-    2025
-}
-
-fn default_every() -> u64 {
-    7
-}
-
-fn default_hours() -> [f64; 2] {
-    [0.0, 24.0]
-}
-
-fn default_time() -> String {
-    "true-solar".to_owned()
-}
-
-fn default_step() -> f64 {
-    5.0
-}
-
-fn default_heights() -> Vec<f64> {
-    vec![1.6]
 }
 
 impl Rule {
@@ -184,36 +154,39 @@ impl Rule {
 
     /// Reads a rule's file. Fails with the key that is wrong and what it may be.
     pub fn parse(text: &str) -> Result<Self, RuleError> {
-        let file: RuleFile = toml::from_str(text).map_err(|error| RuleError(error.message().to_owned()))?;
+        let mut file: RuleFile = toml::from_str(text).map_err(|error| RuleError(error.message().to_owned()))?;
         let (days, left_out) = days(&file)?;
-        let [from, to] = file.hours;
+        let hours @ [from, to] = file.hours.unwrap_or([0.0, 24.0]);
         if !(0.0 <= from && from < to && to <= 24.0) {
             return wrong("hours: write the first and the last one, as in [8, 16]");
         }
-        if !(1.0..=60.0).contains(&file.step_minutes) {
+        let step_minutes = file.step_minutes.unwrap_or(5.0);
+        if !(1.0..=60.0).contains(&step_minutes) {
             return wrong("step_minutes: 1 to 60");
         }
         if !(0.0..90.0).contains(&file.lowest_sun_deg) {
             return wrong("lowest_sun_deg: 0 to 90");
         }
         let is_height = |height: &f64| (0.0..=1000.0).contains(height);
-        if file.wall_heights_m.len() > 16 || !file.wall_heights_m.iter().all(is_height) {
+        let wall_heights_m = file.wall_heights_m.take().unwrap_or_else(|| vec![1.6]);
+        if wall_heights_m.len() > 16 || !wall_heights_m.iter().all(is_height) {
             return wrong("wall_heights_m: at most 16 heights of 0 to 1000 m");
         }
         let (measure, asked) = measure(&file)?;
         let is_share = matches!(measure, Measure::ProbableSunlight(_));
+        let time = TimeSystem::parse(file.time.as_deref().unwrap_or("true-solar"));
         Ok(Self {
             title: file.title,
             source: file.source,
             days,
             left_out,
             day_mode: if is_share { DayMode::Sum } else { file.day_mode },
-            hours: file.hours,
-            time: TimeSystem::parse(&file.time).map_err(|reason| RuleError(format!("time: {reason}")))?,
+            hours,
+            time: time.map_err(|reason| RuleError(format!("time: {reason}")))?,
             lowest_sun_deg: file.lowest_sun_deg,
-            step_minutes: file.step_minutes,
+            step_minutes,
             mode: file.mode,
-            wall_heights_m: file.wall_heights_m,
+            wall_heights_m,
             measure,
             asked,
         })
@@ -261,11 +234,12 @@ fn measure(file: &RuleFile) -> Result<(Measure, Option<f64>), RuleError> {
 
 /// The days of a rule, and how many of its range are left out.
 fn days(file: &RuleFile) -> Result<(Vec<NaiveDate>, usize), RuleError> {
+    let year = file.year.unwrap_or(2025);
     let date = |text: &String| {
         let parts = text.split_once('-').and_then(|(month, day)| Some((month.parse().ok()?, day.parse().ok()?)));
-        let date = parts.and_then(|(month, day)| NaiveDate::from_ymd_opt(file.year, month, day));
+        let date = parts.and_then(|(month, day)| NaiveDate::from_ymd_opt(year, month, day));
         date.filter(|date| (1800..=2200).contains(&date.year()))
-            .ok_or_else(|| RuleError(format!("\"{text}\" is no day of {}: write 06-21; years 1800 to 2200", file.year)))
+            .ok_or_else(|| RuleError(format!("\"{text}\" is no day of {year}: write 06-21; years 1800 to 2200")))
     };
     let mut days = file.days.iter().map(date).collect::<Result<Vec<_>, _>>()?;
     let mut left_out = 0;
@@ -275,10 +249,11 @@ fn days(file: &RuleFile) -> Result<(Vec<NaiveDate>, usize), RuleError> {
             // Over the turn of the year; only a 29 February has no such day in the next one.
             last = last.checked_add_months(Months::new(12)).unwrap_or(last);
         }
-        if file.every_days == 0 {
+        let every_days = file.every_days.unwrap_or(7);
+        if every_days == 0 {
             return wrong("range: write every_days from 1 on");
         }
-        let swept = std::iter::successors(Some(first), |day| day.checked_add_days(Days::new(file.every_days)));
+        let swept = std::iter::successors(Some(first), |day| day.checked_add_days(Days::new(every_days)));
         let before = days.len();
         days.extend(swept.take_while(|day| *day < last));
         days.push(last);

@@ -115,8 +115,7 @@ impl Gather<'_> {
         }
         let ancestors = self.city.ancestors(object)?;
         let is_selected = ancestors.iter().chain([&object]).any(|member| self.plan.selected.contains(*member));
-        let is_parent = || self.plan.is_parent_of_selected(object);
-        Ok((is_selected || is_parent()).then(|| ancestors.last().copied().unwrap_or(object)))
+        Ok((is_selected || self.plan.parents.contains(object)).then(|| ancestors.last().copied().unwrap_or(object)))
     }
 
     fn open(&mut self, root: u32) -> Result<&mut OpenFamily, ExportError> {

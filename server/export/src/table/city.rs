@@ -120,7 +120,7 @@ pub(crate) struct Plan {
     /// Position of the last leaf of each object that has parts, with these.
     last_leaves: HashMap<u32, u64>,
     /// Objects with selected parts.
-    parents: RoaringBitmap,
+    pub(crate) parents: RoaringBitmap,
     /// Parts of selected objects that stand for these, too: see [`Plan::select_wholes`].
     parts: HashMap<u32, Vec<u32>>,
 }
@@ -216,10 +216,6 @@ impl Plan {
             [0, 1].map(|k| min[k].min(bounds[0][k] - BOUNDS_MARGIN_M)),
             [0, 1].map(|k| max[k].max(bounds[1][k] + BOUNDS_MARGIN_M)),
         ]);
-    }
-
-    pub(crate) fn is_parent_of_selected(&self, object: u32) -> bool {
-        self.parents.contains(object)
     }
 
     /// Position of the last leaf that an object and its parts touch; the largest number if that is not known.
