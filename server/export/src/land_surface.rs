@@ -2,8 +2,8 @@
 
 use crate::boxes::COLOUR_RANGE;
 use crate::geometry::{Geometry, NO_FEATURE, linear};
-use crate::matrix::Matrix;
-use glam::{DVec2, Vec3};
+use crate::matrix::stretched;
+use glam::{DAffine3, DVec2, Vec3};
 use insula_protocol::blockmap::{MapColumn, NO_OBJECT};
 use insula_protocol::{BlockMap, NODE_CELLS, octahedral};
 use insula_roam::{HeightField, Place, triangulate};
@@ -166,7 +166,7 @@ impl LandSurface {
         self,
         (origin, step): (DVec2, DVec2),
         row: &mut dyn FnMut(u32) -> u32,
-    ) -> (Geometry, Matrix) {
+    ) -> (Geometry, DAffine3) {
         let heights = || self.heights.iter().copied();
         let (low, high) =
             heights().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));
@@ -185,8 +185,7 @@ impl LandSurface {
         };
         geometry.drop_empty_features();
         let low = if low.is_finite() { low } else { 0.0 };
-        let matrix = Matrix::scale([step.x, step.y, step_z]);
-        (geometry, matrix.then(&Matrix::translation([origin.x, origin.y, low])))
+        (geometry, stretched(step.extend(step_z), origin.extend(low)))
     }
 }
 
@@ -255,10 +254,11 @@ pub(crate) mod tests {
         // Two triangles for each of the four sides.
         assert_eq!((land.triangles.len(), land.places.len()), (10, 8));
         let (geometry, matrix) = land.geometry((DVec2::new(5.0, 6.0), DVec2::splat(2.0)), &mut |_| 0);
-        let heights: Vec<f64> = geometry.positions.iter().map(|p| matrix.map(p.map(f64::from))[2]).collect();
+        let heights: Vec<f64> =
+            geometry.positions.iter().map(|p| matrix.transform_point3(p.map(f64::from).into()).z).collect();
         let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
         assert!((lowest - 5.0).abs() < 0.02, "{heights:?}");
-        assert_eq!(matrix.origin[..2], [5.0, 6.0]);
+        assert_eq!(matrix.translation.truncate(), DVec2::new(5.0, 6.0));
     }
 
     #[test]

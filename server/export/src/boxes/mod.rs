@@ -10,8 +10,9 @@ mod solids;
 mod tests;
 
 use crate::geometry::Geometry;
-use crate::matrix::Matrix;
+use crate::matrix::stretched;
 use crate::source::SourceError;
+use glam::DAffine3;
 use insula_protocol::BlockMap;
 
 /// Units of heights in a cell.
@@ -36,7 +37,7 @@ pub(crate) fn boxes(
 }
 
 /// From the grid of [`boxes`] to metres from the node's south-west corner at the city's height zero.
-pub(crate) fn grid(map: &BlockMap) -> Matrix {
+pub(crate) fn grid(map: &BlockMap) -> DAffine3 {
     let cell = f64::from(map.cell_m);
-    Matrix::scale([cell, cell, cell / f64::from(QUARTERS)]).then(&Matrix::translation([0.0, 0.0, map.z_base_m()]))
+    stretched([cell, cell, cell / f64::from(QUARTERS)], [0.0, 0.0, map.z_base_m()])
 }

@@ -118,5 +118,5 @@ fn what_is_not_selected_is_left_out_and_heights_are_metres() {
     let half = boxes(map, &mut |_, column| Ok((column == 0).then_some(3))).unwrap();
     assert_eq!((half.positions.iter().map(|p| p[0]).max(), half.features[0]), (Some(1), 3));
     // Cells are 2 m, the base is three cells above the origin, the top two cells above the base.
-    assert_eq!(to_metres.map([1.0, 0.0, 8.0]), [2.0, 0.0, 10.0]);
+    assert_eq!(to_metres.transform_point3([1.0, 0.0, 8.0].into()).to_array(), [2.0, 0.0, 10.0]);
 }

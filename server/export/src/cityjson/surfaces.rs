@@ -2,6 +2,7 @@
 //!
 //! A group of triangles whose border is not one outer ring with holes, or that touches itself at a vertex, stays as triangles.
 
+use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 
 /// Whole coordinates.
@@ -26,7 +27,7 @@ impl Surfaces {
         for triangle in triangles {
             let corners = triangle.map(|point| weld.vertex(point));
             let [a, b, c] = corners;
-            let has_area = a != b && b != c && c != a && length(cross_of(&weld.vertices, corners)) > 0.0;
+            let has_area = a != b && b != c && c != a && cross_of(&weld.vertices, corners).length() > 0.0;
             let least = corners.iter().enumerate().min_by_key(|(_, v)| **v).map_or(0, |(i, _)| i);
             if has_area && known.insert([corners[least], corners[(least + 1) % 3], corners[(least + 2) % 3]]) {
                 welded.push(corners);
@@ -81,18 +82,14 @@ impl Weld {
     }
 }
 
-fn cross_of(vertices: &[Point], [a, b, c]: [usize; 3]) -> [f64; 3] {
-    let [a, b, c] = [a, b, c].map(|v| vertices[v].map(f64::from));
-    let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
-    [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+fn position(point: Point) -> DVec3 {
+    point.map(f64::from).into()
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn length(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
+/// Of a triangle: its normal, as long as twice its area.
+fn cross_of(vertices: &[Point], corners: [usize; 3]) -> DVec3 {
+    let [a, b, c] = corners.map(|v| position(vertices[v]));
+    (b - a).cross(c - a)
 }
 
 /// Groups triangles by plane.
@@ -105,7 +102,7 @@ struct Groups<'a> {
 impl Groups<'_> {
     fn polygons(&self) -> Vec<Vec<Vec<usize>>> {
         let neighbours = self.neighbours();
-        let areas: Vec<f64> = self.triangles.iter().map(|corners| length(cross_of(self.vertices, *corners))).collect();
+        let areas: Vec<f64> = self.triangles.iter().map(|corners| cross_of(self.vertices, *corners).length()).collect();
         // The largest triangle defines the plane best.
         let mut order: Vec<usize> = (0..self.triangles.len()).collect();
         order.sort_by(|a, b| areas[*b].total_cmp(&areas[*a]).then(a.cmp(b)));
@@ -115,7 +112,7 @@ impl Groups<'_> {
             if is_taken[seed] {
                 continue;
             }
-            let normal = cross_of(self.vertices, self.triangles[seed]).map(|v| v / areas[seed]);
+            let normal = cross_of(self.vertices, self.triangles[seed]) / areas[seed];
             let group = self.group(seed, normal, &neighbours, &mut is_taken);
             match self.rings(&group, normal) {
                 Some(rings) => polygons.push(rings),
@@ -146,18 +143,16 @@ impl Groups<'_> {
     fn group(
         &self,
         seed: usize,
-        normal: [f64; 3],
+        normal: DVec3,
         neighbours: &[[Option<usize>; 3]],
         is_taken: &mut [bool],
     ) -> Vec<usize> {
-        let origin = self.vertices[self.triangles[seed][0]].map(f64::from);
-        let is_in_plane = |vertex: &usize| {
-            let point = self.vertices[*vertex].map(f64::from);
-            dot(normal, [0, 1, 2].map(|k| point[k] - origin[k])).abs() <= self.tolerance
-        };
+        let origin = position(self.vertices[self.triangles[seed][0]]);
+        let is_in_plane =
+            |vertex: &usize| normal.dot(position(self.vertices[*vertex]) - origin).abs() <= self.tolerance;
         let belongs = |triangle: usize| {
             let corners = self.triangles[triangle];
-            corners.iter().all(is_in_plane) && dot(cross_of(self.vertices, corners), normal) > 0.0
+            corners.iter().all(is_in_plane) && cross_of(self.vertices, corners).dot(normal) > 0.0
         };
         is_taken[seed] = true;
         let mut group = vec![seed];
@@ -175,7 +170,7 @@ impl Groups<'_> {
     }
 
     /// The border of a group: the outer ring, then holes. `None` if it is not simple.
-    fn rings(&self, group: &[usize], normal: [f64; 3]) -> Option<Vec<Vec<usize>>> {
+    fn rings(&self, group: &[usize], normal: DVec3) -> Option<Vec<Vec<usize>>> {
         if let [only] = group {
             return Some(vec![self.triangles[*only].to_vec()]);
         }
@@ -215,9 +210,9 @@ impl Groups<'_> {
     }
 
     /// Area as seen against the normal, positive if counter-clockwise.
-    fn signed_area(&self, ring: &[usize], normal: [f64; 3]) -> f64 {
+    fn signed_area(&self, ring: &[usize], normal: DVec3) -> f64 {
         let first = ring.first().copied().unwrap_or_default();
-        ring.windows(2).map(|pair| 0.5 * dot(cross_of(self.vertices, [first, pair[0], pair[1]]), normal)).sum()
+        ring.windows(2).map(|pair| 0.5 * cross_of(self.vertices, [first, pair[0], pair[1]]).dot(normal)).sum()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::builder::GlbBuilder;
 use super::geometry::{Geometry, linear};
-use super::matrix::Matrix;
+use super::matrix::{numbers_of, stretched};
 use super::metadata::Rows;
 use super::objects::{Chooser, ObjectReader};
 use super::stone::Stones;
@@ -11,7 +11,7 @@ use crate::column_surfaces;
 use crate::land_surface::{has_one_colour, land_of_columns};
 use crate::selection::ObjectSelection;
 use crate::source::ExportSource;
-use glam::DVec2;
+use glam::{DAffine3, DVec2};
 use insula_protocol::mesh_tile::{MAX_LODS, NO_OBJECT};
 use insula_protocol::{BlockMap, MeshTile, NODE_CELLS, TileId};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -54,7 +54,7 @@ impl<'a> ContentWriter<'a> {
         glb: &mut GlbBuilder,
         rows: &mut Rows,
         leaf: TileId,
-        place: &Matrix,
+        place: DAffine3,
     ) -> Result<Shown, ExportError> {
         match (0..MAX_LODS).find_map(|lod| self.source.mesh(leaf, lod).transpose()).transpose()? {
             Some(tile) => self.add_mesh(glb, rows, leaf, (&tile, place), &|_| true),
@@ -68,12 +68,12 @@ impl<'a> ContentWriter<'a> {
         glb: &mut GlbBuilder,
         rows: &mut Rows,
         leaf: TileId,
-        (tile, place): (&MeshTile, &Matrix),
+        (tile, place): (&MeshTile, DAffine3),
         has: &dyn Fn(u32) -> bool,
     ) -> Result<Shown, ExportError> {
         let parts = self.mesh_geometry(tile, leaf, rows, has)?;
         let triangles = parts.values().map(|geometry| geometry.indices.len() / 3).sum();
-        let matrix = mesh_matrix(tile).then(place).to_array();
+        let matrix = numbers_of(place * mesh_matrix(tile));
         for (stone, geometry) in parts {
             let material = match (stone.and_then(|stone| self.stones.material(stone)), &tile.texture) {
                 (Some(material), None) => glb.add_material(material),
@@ -143,7 +143,7 @@ impl<'a> ContentWriter<'a> {
         glb: &mut GlbBuilder,
         rows: &mut Rows,
         node: TileId,
-        place: &Matrix,
+        place: DAffine3,
     ) -> Result<Shown, ExportError> {
         let Some(map) = self.source.columns(node)? else { return Ok(Shown::default()) };
         let grid = boxes::grid(&map);
@@ -156,15 +156,15 @@ impl<'a> ContentWriter<'a> {
     pub(super) fn add_surfaces(
         glb: &mut GlbBuilder,
         node: TileId,
-        surfaces: Vec<(Geometry, Matrix)>,
-        place: &Matrix,
+        surfaces: Vec<(Geometry, DAffine3)>,
+        place: DAffine3,
     ) -> Result<usize, ExportError> {
         let mut triangles = 0;
         for (geometry, matrix) in surfaces.into_iter().filter(|(geometry, _)| !geometry.indices.is_empty()) {
             triangles += geometry.indices.len() / 3;
             let material = glb.plain_material();
             let mesh = glb.add_mesh(&geometry, material)?;
-            glb.add_node(Some(node.to_string()), matrix.then(place).to_array(), mesh);
+            glb.add_node(Some(node.to_string()), numbers_of(place * matrix), mesh);
         }
         Ok(triangles)
     }
@@ -172,7 +172,7 @@ impl<'a> ContentWriter<'a> {
     /// A node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes. With
     /// a selection, everything is boxes. Each with the matrix from its grid to metres from the node's south-west corner at the city's
     /// height zero.
-    pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, Matrix)>, ExportError> {
+    pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, DAffine3)>, ExportError> {
         let Some(map) = self.source.columns(node)? else { return Ok(Vec::new()) };
         let grid = boxes::grid(&map);
         let land = self.land_objects(&map)?;
@@ -217,7 +217,7 @@ impl<'a> ContentWriter<'a> {
 }
 
 /// From the grid of a mesh to metres from its leaf's south-west corner at the city's height zero.
-pub(super) fn mesh_matrix(tile: &MeshTile) -> Matrix {
+pub(super) fn mesh_matrix(tile: &MeshTile) -> DAffine3 {
     let grid = &tile.mesh.grid;
-    Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min))
+    stretched([grid.step; 3], grid.min)
 }

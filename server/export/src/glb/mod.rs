@@ -38,10 +38,11 @@ use crate::{boxes, geometry, matrix};
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
 pub use error::ExportError;
+use glam::{DAffine3, DVec3};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_protocol::subtree::{NodeInfo, NodeMesh};
 use insula_protocol::{Subtree, TileId};
-use matrix::{Matrix, subtract};
+use matrix::{Y_UP, numbers_of};
 use metadata::{Rows, add_table};
 use objects::ObjectReader;
 use reach::Reach;
@@ -101,7 +102,7 @@ pub fn write_glb(
     }
     let Scene { mut glb, rows, origin, .. } = scene;
     add_table(&mut glb, &reader, &rows, usize::MAX)?;
-    glb.gather_nodes(manifest.title.clone(), Matrix::Y_UP.to_array());
+    glb.gather_nodes(manifest.title.clone(), numbers_of(Y_UP));
     glb.set_extras(json!({ "origin": origin, "crs": manifest.crs }));
     let bytes = glb.finish()?;
     out.write_all(&bytes).map_err(ExportError::writing("the GLB"))?;
@@ -121,8 +122,9 @@ struct Scene<'a> {
 
 impl Scene<'_> {
     /// From metres from a node's south-west corner at the city's height zero to the scene.
-    fn place(&self, node: TileId) -> Matrix {
-        Matrix::translation(subtract(self.source.manifest().node_corner(node), self.origin))
+    fn place(&self, node: TileId) -> DAffine3 {
+        let corner = DVec3::from(self.source.manifest().node_corner(node));
+        DAffine3::from_translation(corner - DVec3::from(self.origin))
     }
 
     /// Adds the finest that there is of all leaves. Returns the number of triangles.
@@ -130,7 +132,7 @@ impl Scene<'_> {
         let mut triangles = 0;
         for leaf in leaves(self.source, reach)? {
             let place = self.place(leaf);
-            triangles += self.content.add_leaf(&mut self.glb, &mut self.rows, leaf, &place)?.triangles;
+            triangles += self.content.add_leaf(&mut self.glb, &mut self.rows, leaf, place)?.triangles;
         }
         Ok(triangles)
     }
@@ -146,7 +148,7 @@ impl Scene<'_> {
             };
         }
         triangles += terrain.write(&mut self.glb, self.source.manifest(), (view, self.origin))?;
-        self.glb.add_camera(view.matrix(self.origin).to_array(), view.lens(), view::NEAR_M);
+        self.glb.add_camera(numbers_of(view.matrix(self.origin)), view.lens(), view::NEAR_M);
         Ok(triangles)
     }
 
@@ -167,7 +169,7 @@ impl Scene<'_> {
         let cell_m = self.source.manifest().cell_m_at(node.level());
         terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
         let place = self.place(node);
-        ContentWriter::add_surfaces(&mut self.glb, node, surfaces, &place)
+        ContentWriter::add_surfaces(&mut self.glb, node, surfaces, place)
     }
 
     /// Adds a leaf's mesh, but for its terrain, which goes to `terrain` unless it has a picture. Returns the number of triangles.
@@ -189,11 +191,11 @@ impl Scene<'_> {
         terrain.has_pictures |= has_picture && !land.is_empty();
         if !has_picture {
             let parts = self.content.mesh_geometry(&tile, leaf, &mut self.rows, &|object| land.contains(&object))?;
-            let matrix = content::mesh_matrix(&tile).then(&place);
+            let matrix = place * content::mesh_matrix(&tile);
             parts.into_values().for_each(|geometry| terrain.add(leaf, geometry, matrix));
         }
         let is_shown = |object| has_picture || !land.contains(&object);
-        let shown = self.content.add_mesh(&mut self.glb, &mut self.rows, leaf, (&tile, &place), &is_shown)?;
+        let shown = self.content.add_mesh(&mut self.glb, &mut self.rows, leaf, (&tile, place), &is_shown)?;
         Ok(shown.triangles)
     }
 }

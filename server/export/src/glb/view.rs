@@ -1,11 +1,10 @@
 //! What of a city a camera sees: the nodes in its frustum, each as coarse as the error on the screen allows.
 
-use super::matrix::Matrix;
 use super::reach::Reach;
 use super::{ExportError, boxes, mesh_of, subtree_at};
 use crate::camera::ExportCamera;
 use crate::source::ExportSource;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use insula_protocol::subtree::NodeInfo;
 use insula_protocol::{Manifest, Subtree, TileId};
 use std::collections::HashMap;
@@ -107,9 +106,9 @@ impl ExportView {
     }
 
     /// The camera in coordinates whose origin is at `origin`, in world metres: it looks along -z, y is up (glTF 2.0, section 3.10).
-    pub(super) fn matrix(&self, origin: [f64; 3]) -> Matrix {
-        let axes = [self.axes.x_axis, self.axes.y_axis, -self.axes.z_axis].map(|axis| axis.to_array());
-        Matrix { axes, origin: (self.position - DVec3::from(origin)).to_array() }
+    pub(super) fn matrix(&self, origin: [f64; 3]) -> DAffine3 {
+        let place = self.position - DVec3::from(origin);
+        DAffine3::from_cols(self.axes.x_axis, self.axes.y_axis, -self.axes.z_axis, place)
     }
 
     /// Vertical field of view in radians, and width by height.

@@ -6,10 +6,10 @@
 use super::ExportError;
 use super::builder::GlbBuilder;
 use super::geometry::{Geometry, NO_FEATURE, srgb};
-use super::matrix::{Matrix, subtract};
+use super::matrix::numbers_of;
 use super::view::ExportView;
 use crate::land_surface::{LandSurface, is_one_colour};
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use insula_protocol::{Manifest, NODE_CELLS, TileId};
 use insula_roam::{ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace};
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,7 +36,7 @@ struct LeafTerrain {
     leaf: TileId,
     geometry: Geometry,
     /// From the grid of the geometry to metres from the origin of the scene, z up.
-    matrix: Matrix,
+    matrix: DAffine3,
 }
 
 /// A surface in place of the terrain of some leaves.
@@ -59,7 +59,7 @@ struct Triangle {
 
 impl ViewTerrain {
     /// Adds the terrain of a leaf. `matrix` maps the grid of `geometry` to metres from the origin of the scene, z up.
-    pub(super) fn add(&mut self, leaf: TileId, geometry: Geometry, matrix: Matrix) {
+    pub(super) fn add(&mut self, leaf: TileId, geometry: Geometry, matrix: DAffine3) {
         if !geometry.indices.is_empty() {
             self.leaves.push(LeafTerrain { leaf, geometry, matrix });
         }
@@ -90,7 +90,7 @@ impl ViewTerrain {
             let (geometry, matrix) = surface.geometry((grid.origin, grid.step), &mut |feature| feature);
             let material = glb.plain_material();
             let mesh = glb.add_mesh(&geometry, material)?;
-            glb.add_node(Some("terrain".to_owned()), matrix.to_array(), mesh);
+            glb.add_node(Some("terrain".to_owned()), numbers_of(matrix), mesh);
             return Ok(count + self.write_leaves(glb, &|leaf, feature| !leaves[leaf] || !features.contains(&feature))?);
         }
         self.write_leaves(glb, &|_, _| true)
@@ -107,7 +107,7 @@ impl ViewTerrain {
                 count += geometry.indices.len() / 3;
                 let material = glb.plain_material();
                 let mesh = glb.add_mesh(&geometry, material)?;
-                glb.add_node(Some(leaf.to_string()), matrix.to_array(), mesh);
+                glb.add_node(Some(leaf.to_string()), numbers_of(*matrix), mesh);
             }
         }
         Ok(count)
@@ -126,7 +126,7 @@ impl ViewTerrain {
         let (grid, leaf_steps) = self.grid(manifest, origin)?;
         let terrain = SampledTerrain::new(grid, &faces(&triangles))?;
         let is_covered = |leaf: &LeafTerrain| {
-            let corner = DVec3::from(subtract(manifest.node_corner(leaf.leaf), origin)).truncate();
+            let corner = (DVec3::from(manifest.node_corner(leaf.leaf)) - DVec3::from(origin)).truncate();
             let [x, y] = ((corner - grid.origin) / grid.step).round().to_array().map(|step| step as u32);
             (y..=y + leaf_steps).all(|y| (x..=x + leaf_steps).all(|x| terrain.has([x, y])))
         };
@@ -166,9 +166,9 @@ impl ViewTerrain {
             |leaf_steps: u32| [x, y].map(|(low, high)| ((high - low) * leaf_steps).next_multiple_of(ROOT_STEPS) + 1);
         let count = |leaf_steps: &u32| size(*leaf_steps).map(f64::from).iter().product::<f64>();
         let leaf_steps = [NODE_CELLS as u32, 32, 16].into_iter().find(|steps| count(steps) <= MAX_SAMPLES)?;
-        let corner = subtract(manifest.node_corner(TileId::new(level, x.0, y.0)?), origin);
+        let corner = DVec3::from(manifest.node_corner(TileId::new(level, x.0, y.0)?)) - DVec3::from(origin);
         let grid = SampleGrid {
-            origin: DVec3::from(corner).truncate(),
+            origin: corner.truncate(),
             step: DVec2::splat(side_m / f64::from(leaf_steps)),
             size: size(leaf_steps),
         };
@@ -195,7 +195,8 @@ impl LeafTerrain {
         let geometry = &self.geometry;
         geometry.indices.chunks_exact(3).map(move |triangle| {
             let vertex = |k: usize| triangle[k] as usize;
-            let corner = |k: usize| DVec3::from(self.matrix.map(geometry.positions[vertex(k)].map(f64::from)));
+            let place = |k: usize| DVec3::from(geometry.positions[vertex(k)].map(f64::from));
+            let corner = |k: usize| self.matrix.transform_point3(place(k));
             let corners = [0, 1, 2].map(corner);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
             Triangle {

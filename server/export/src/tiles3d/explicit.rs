@@ -5,6 +5,7 @@ use super::subtree::Tile;
 use super::tileset_file::TilesetFile;
 use super::{Tileset, TilesetDocument};
 use crate::glb::ExportError;
+use crate::matrix::numbers_of;
 use insula_protocol::subtree::NodeInfo;
 use insula_protocol::{Subtree, TileId};
 use serde::Serialize;
@@ -43,7 +44,7 @@ struct ContentAddress {
 impl Tileset<'_> {
     /// The root of the whole tileset, whose files are in `folder`.
     pub(super) fn listed_root(&self, subtree: &Subtree, node: &NodeInfo, folder: &str) -> TileInList {
-        let transform = self.frame.to_earth.map(|to_earth| to_earth.to_array());
+        let transform = self.frame.to_earth.map(numbers_of);
         TileInList { refine: Some("REPLACE"), transform, ..self.listed(subtree, node, node.id, folder) }
     }
 

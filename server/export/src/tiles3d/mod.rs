@@ -31,7 +31,7 @@ use crate::glb::metadata::{Rows, add_table};
 use crate::glb::objects::ObjectReader;
 use crate::glb::reach::Reach;
 use crate::glb::{ExportError, mesh_of, subtree_at};
-use crate::matrix::Matrix;
+use crate::matrix::{Y_UP, numbers_of};
 use crate::selection::ObjectSelection;
 use crate::source::ExportSource;
 use frame::Frame;
@@ -151,7 +151,7 @@ impl<'a> Tileset<'a> {
             },
         });
         if let Some(to_earth) = self.frame.to_earth {
-            tile["transform"] = json!(to_earth.to_array());
+            tile["transform"] = json!(numbers_of(to_earth));
         }
         TilesetDocument { asset, geometric_error, root: tile, schema: Some(subtree::schema()) }.to_bytes()
     }
@@ -205,12 +205,12 @@ impl<'a> Tileset<'a> {
         };
         let mut glb = GlbBuilder::new(self.source.manifest(), packing);
         let mut rows = Rows::default();
-        let place = self.frame.place(node).then(&Matrix::Y_UP);
+        let place = Y_UP * self.frame.place(node);
         let is_leaf = info.child_mask == 0;
         let shown = if is_leaf {
-            content.add_leaf(&mut glb, &mut rows, node, &place)?
+            content.add_leaf(&mut glb, &mut rows, node, place)?
         } else {
-            content.add_columns(&mut glb, &mut rows, node, &place)?
+            content.add_columns(&mut glb, &mut rows, node, place)?
         };
         add_table(&mut glb, &self.reader, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
         Ok(Some(Content { bytes: glb.finish()?, triangles: shown.triangles, objects: rows.len() }))
