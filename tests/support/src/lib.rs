@@ -5,6 +5,7 @@ pub mod bucket;
 pub mod faulty_host;
 pub mod folder;
 pub mod http;
+pub mod map_files;
 pub mod programs;
 pub mod rng;
 #[cfg(feature = "city")]

@@ -57,16 +57,14 @@ type Form = (u16, u16, bool, Option<[u16; 2]>, Vec<bool>);
 fn forms(name: &str, scene: Scene, ground: GroundOption) -> BTreeMap<TileId, Vec<Option<Form>>> {
     let options = BakeOptions { ground, cell_m: 1.0, meshes: false, ..options(Path::new(""), 2) };
     let city = BakedCity::bake(name, scene, options);
-    let archive = city.archive("blockmaps.pmtiles");
-    let node = |id: &TileId| {
-        let columns = BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap().columns();
+    let node = |(id, map): (TileId, BlockMap)| {
         let form = |column: insula_protocol::blockmap::MapColumn| {
             let rows = column.strip.iter().flat_map(|strip| &strip.texels).map(|texel| texel.is_open()).collect();
             (column.z_min, column.z_max, column.suspended, column.gap, rows)
         };
-        (*id, columns.into_iter().map(|column| column.map(form)).collect())
+        (id, map.columns().into_iter().map(|column| column.map(form)).collect())
     };
-    city.nodes().keys().map(node).collect()
+    city.maps().into_iter().map(node).collect()
 }
 
 #[test]
@@ -135,10 +133,10 @@ fn generated_ground_hides_no_flat_land_at_any_level() {
     add_ground(&mut scene, [120.0, -40.0, 126.0, 290.0, 0.05]);
     let options = BakeOptions { ground: GroundOption::Auto, cell_m: 1.0, meshes: false, ..options(Path::new(""), 2) };
     let city = BakedCity::bake("flat-land", scene, options);
-    let (manifest, archive) = (city.manifest(), city.archive("blockmaps.pmtiles"));
+    let manifest = city.manifest();
     let mut levels = BTreeMap::new();
-    for id in city.nodes().keys() {
-        let map = BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap().stand_on_ground();
+    for (id, map) in city.maps() {
+        let map = map.stand_on_ground();
         let cell_m = f64::from(map.cell_m);
         for (i, column) in map.columns().iter().enumerate() {
             let at = |axis: usize, tile: u32, n: usize| {

@@ -5,8 +5,8 @@ use insula_bake::read::{FacadeOption, ReadOptions};
 use insula_bake::{BakeOptions, BakeReport, Silent, bake};
 use insula_protocol::Manifest;
 use insula_test_support::folder::TestFolder;
+use insula_test_support::map_files::{feature_collection, rectangle};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
@@ -17,19 +17,10 @@ fn write_city(path: &Path) {
         [("house", 9.0), ("house", 12.0), ("yes", 6.0), ("industrial", 9.0), ("shed", 3.0)].into_iter().enumerate()
     {
         let [west, south] = [500_000.0 + 40.0 * i as f64, 5_000_000.0];
-        let [east, north] = [west + 20.0, south + 14.0];
-        let mut feature =
-            format!(r#"{{"type":"Feature","id":"b{i}","properties":{{"building":"{kind}","height":{height}}}"#);
-        write!(
-            feature,
-            r#","geometry":{{"type":"Polygon","coordinates":[[[{west},{south}],[{east},{south}],[{east},{north}],[{west},{north}],[{west},{south}]]]}}}}"#
-        )
-        .unwrap();
-        features.push(feature);
+        let members = format!(r#""id":"b{i}","properties":{{"building":"{kind}","height":{height}}}"#);
+        features.push(rectangle(&members, [west, south, west + 20.0, south + 14.0]));
     }
-    let crs = r#"{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::32632"}}"#;
-    let text = format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","));
-    fs::write(path, text).unwrap();
+    fs::write(path, feature_collection("urn:ogc:def:crs:EPSG::32632", &features)).unwrap();
 }
 
 /// Bakes the city in a folder of its own.

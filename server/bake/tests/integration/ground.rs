@@ -7,7 +7,6 @@ use insula_bake::{BakeOptions, GroundOption};
 use insula_protocol::blockmap::flag;
 use insula_protocol::blockmap::ground::{GROUND_COLOUR, SKY_MAX, VERTICES};
 use insula_protocol::{BlockMap, TileId};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -59,18 +58,12 @@ fn with_ground() -> &'static BakedCity {
     CITY.get_or_init(|| bake("hillside", GroundOption::Auto, 3))
 }
 
-fn maps(city: &BakedCity) -> BTreeMap<TileId, BlockMap> {
-    let archive = city.archive("blockmaps.pmtiles");
-    let decode = |id: &TileId| BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap();
-    city.nodes().keys().map(|id| (*id, decode(id))).collect()
-}
-
 #[test]
 fn ground_follows_the_feet_and_meets_the_plane() {
     let city = with_ground();
     let manifest = city.manifest();
     assert!(manifest.generated_ground && !manifest.has_terrain);
-    let maps = maps(city);
+    let maps = city.maps();
     let height_at = |x: f64, y: f64| {
         let side_m = manifest.node_side_m(manifest.depth);
         let at = [x - manifest.origin[0], y - manifest.origin[1]].map(|v| v / side_m);
@@ -113,7 +106,7 @@ fn ground_follows_the_feet_and_meets_the_plane() {
 #[test]
 fn neighbours_agree_on_their_border_and_parents_follow() {
     let city = with_ground();
-    let (manifest, maps) = (city.manifest(), maps(city));
+    let (manifest, maps) = (city.manifest(), city.maps());
     let mut compared = 0;
     for (id, map) in &maps {
         let east = TileId::new(id.level(), id.x() + 1, id.y()).and_then(|east| maps.get(&east));
@@ -143,7 +136,7 @@ fn neighbours_agree_on_their_border_and_parents_follow() {
 #[test]
 fn yard_is_darker_than_the_open() {
     let city = with_ground();
-    let (manifest, maps) = (city.manifest(), maps(city));
+    let (manifest, maps) = (city.manifest(), city.maps());
     let sky_at = |x: f64, y: f64| {
         let at = [x - manifest.origin[0], y - manifest.origin[1]].map(|v| v / manifest.node_side_m(manifest.depth));
         let map = &maps[&TileId::new(manifest.depth, at[0] as u32, at[1] as u32).unwrap()];
@@ -158,7 +151,7 @@ fn yard_is_darker_than_the_open() {
 fn columns_of_the_ground_close_the_gaps_between_houses() {
     let city = with_ground();
     let manifest = city.manifest();
-    for map in maps(city).into_values().filter(|map| map.id.level() == manifest.depth) {
+    for map in city.maps().into_values().filter(|map| map.id.level() == manifest.depth) {
         let (had_ground, stored) = (map.ground.clone(), map.flags.clone());
         let map = map.stand_on_ground();
         let Some(ground) = had_ground.filter(|ground| ground.squares == u64::MAX) else { continue };
@@ -176,7 +169,7 @@ fn ground_does_not_depend_on_threads_and_can_be_left_out() {
     assert!(one.files == with_ground().files);
     let none = bake("hillside-none", GroundOption::None, 2);
     assert!(!none.manifest().generated_ground);
-    assert!(maps(&none).values().all(|map| map.ground.is_none()));
+    assert!(none.maps().values().all(|map| map.ground.is_none()));
     let bytes = |city: &BakedCity| city.files.values().map(Vec::len).sum::<usize>();
     assert!(bytes(&none) < bytes(&one));
 }

@@ -1,10 +1,11 @@
 //! What hovers above something else, or above the ground alone, is open below in every format.
 
-use super::support::{BakedCity, FACES, options};
+use super::support::{BakedCity, FACES, obj_box, options};
 use insula_bake::{BakeOptions, GroundOption};
 use insula_protocol::BlockMap;
 use insula_protocol::blockmap::{MapColumn, STEPS_PER_CELL, strip_rows};
 use insula_test_support::folder::TestFolder;
+use insula_test_support::map_files::{feature_collection, rectangle};
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -54,16 +55,12 @@ fn cityjson(objects: &[Vec<Cuboid>]) -> String {
 }
 
 fn obj(objects: &[Vec<Cuboid>]) -> String {
-    let (mut text, mut first) = (String::new(), 1);
+    let (mut text, mut vertices) = (String::new(), 0);
     for (i, boxes) in objects.iter().enumerate() {
         writeln!(text, "o b{i}").unwrap();
-        for one in boxes {
-            corners(one).iter().for_each(|[x, y, z]| writeln!(text, "v {x} {y} {z}").unwrap());
-            for face in FACES {
-                let [a, b, c, d] = face.map(|k| first + k);
-                writeln!(text, "f {a} {b} {c} {d}").unwrap();
-            }
-            first += 8;
+        for [low, high] in boxes {
+            text += &obj_box(vertices, *low, *high);
+            vertices += 8;
         }
     }
     text
@@ -162,18 +159,12 @@ fn osm(objects: &[Vec<Cuboid>]) -> String {
 /// Each box as a polygon with its heights as properties.
 fn geojson(objects: &[Vec<Cuboid>]) -> String {
     let feature = |[low, high]: &Cuboid| {
-        let corner = |x: f64, y: f64| format!("[{},{}]", WORLD[0] + x, WORLD[1] + y);
-        let ring = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]], [low[0], low[1]]];
-        let ring = ring.map(|[x, y]| corner(x, y)).join(",");
         let base = if low[2] > 0.0 { format!(r#""min_height":{},"#, low[2]) } else { String::new() };
-        format!(
-            r#"{{"type":"Feature","properties":{{{base}"height":{}}},"geometry":{{"type":"Polygon","coordinates":[[{ring}]]}}}}"#,
-            high[2]
-        )
+        let members = format!(r#""properties":{{{base}"height":{}}}"#, high[2]);
+        rectangle(&members, [WORLD[0] + low[0], WORLD[1] + low[1], WORLD[0] + high[0], WORLD[1] + high[1]])
     };
     let features: Vec<String> = objects.iter().flatten().map(feature).collect();
-    let crs = r#"{"type":"name","properties":{"name":"EPSG:25832"}}"#;
-    format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","))
+    feature_collection("EPSG:25832", &features)
 }
 
 fn bake_file(name: &str, content: &[u8], ground: GroundOption) -> BakedCity {
@@ -199,10 +190,8 @@ fn full_and_open(column: &MapColumn, z_shift: u8) -> [u32; 2] {
 
 /// The share that is open of columns higher than 5 m, and the number of columns, at a level.
 fn open_share(city: &BakedCity, level: u8) -> (f64, usize) {
-    let archive = city.archive("blockmaps.pmtiles");
     let (mut full_codes, mut open_codes, mut count) = (0, 0, 0);
-    for id in city.nodes().into_keys().filter(|id| id.level() == level) {
-        let map = BlockMap::decode(id, &archive.get(id).unwrap()).unwrap().stand_on_ground();
+    for map in city.maps().into_values().filter(|map| map.id.level() == level).map(BlockMap::stand_on_ground) {
         let is_high = |column: &&MapColumn| f32::from(column.z_max - column.z_min) * map.z_step_m() > 5.0;
         for column in map.columns().iter().flatten().filter(is_high) {
             let [full, open] = full_and_open(column, map.z_shift);
@@ -252,10 +241,9 @@ fn a_lonely_roof_is_open_below() {
             [("roof.osm", osm(&[vec![roof]])), ("roofs.osm", osm(&all)), ("roofs.city.json", cityjson(&all))]
         {
             let city = bake_file(name, content.as_bytes(), ground);
-            let (archive, origin_m) = (city.archive("blockmaps.pmtiles"), city.manifest().origin[2]);
+            let (leaves, origin_m) = (leaf_level(&city), city.manifest().origin[2]);
             let mut count = 0;
-            for id in city.nodes().into_keys().filter(|id| id.level() == leaf_level(&city)) {
-                let map = BlockMap::decode(id, &archive.get(id).unwrap()).unwrap().stand_on_ground();
+            for map in city.maps().into_values().filter(|map| map.id.level() == leaves).map(BlockMap::stand_on_ground) {
                 let z_m = |code: u16| origin_m + map.z_base_m() + f64::from(f32::from(code) * map.z_step_m());
                 let is_roof = |column: &&MapColumn| z_m(column.z_max) > 8.9;
                 for column in map.columns().iter().flatten().filter(is_roof) {

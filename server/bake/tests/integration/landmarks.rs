@@ -1,6 +1,6 @@
 //! Landmarks: from a file that places scans to mesh tiles with smooth, occluded objects of stone.
 
-use super::support::{BakedCity, options};
+use super::support::{BakedCity, obj_box, options};
 use insula_bake::read::ReadOptions;
 use insula_bake::sample::SampleSettings;
 use insula_bake::{BakeOptions, GroundOption};
@@ -15,15 +15,8 @@ use std::sync::OnceLock;
 
 /// A house of 8 m on level ground at height 3, 20 m west of the middle of the map, as OBJ.
 fn house() -> String {
-    let mut text = String::from("o house\n");
-    for i in 0..8 {
-        let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
-        writeln!(text, "v {} {} {}", pick(0, -24.0, -16.0), pick(1, -4.0, 4.0), pick(2, 3.0, 11.0)).unwrap();
-    }
-    for [a, b, c, d] in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]] {
-        writeln!(text, "f {} {} {} {}", a + 1, b + 1, c + 1, d + 1).unwrap();
-    }
-    text + "o terrain\nv -60 -60 3\nv 60 -60 3\nv 60 60 3\nv -60 60 3\nf 9 10 11 12\n"
+    let house = obj_box(0, [-24.0, -4.0, 3.0], [-16.0, 4.0, 11.0]);
+    format!("o house\n{house}o terrain\nv -60 -60 3\nv 60 -60 3\nv 60 60 3\nv -60 60 3\nf 9 10 11 12\n")
 }
 
 /// A sphere of radius 1, inside out and with vertices of its own for each triangle, as text PLY.
@@ -146,18 +139,8 @@ fn landmarks_stand_in_the_city_with_stone_and_occlusion() {
 #[test]
 fn landmarks_stand_on_generated_ground() {
     let folder = TestFolder::new("landmark-ground");
-    let block = |x: f64, z: f64| {
-        let corner = |k: u32| {
-            let [dx, dy, dz] = [k & 1, k >> 1 & 1, k >> 2].map(|bit| f64::from(bit) * 10.0);
-            format!("v {} {} {}\n", x + dx, dy, z + dz)
-        };
-        (0..8).map(corner).collect::<String>()
-    };
-    let faces = |first: u32| {
-        let quads = [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]];
-        quads.map(|q| format!("f {} {} {} {}\n", q[0] + first, q[1] + first, q[2] + first, q[3] + first)).concat()
-    };
-    let town = format!("o low\n{}{}o high\n{}{}", block(0.0, 0.0), faces(0), block(50.0, 4.0), faces(8));
+    let block = |vertices: usize, x: f64, z: f64| obj_box(vertices, [x, 0.0, z], [x + 10.0, 10.0, z + 10.0]);
+    let town = format!("o low\n{}o high\n{}", block(0, 0.0, 0.0), block(8, 50.0, 4.0));
     fs::write(folder.path.join("town.obj"), town).unwrap();
     fs::write(folder.path.join("ball.ply"), scan(40)).unwrap();
     let landmarks =

@@ -1,5 +1,6 @@
 //! Colours of a city of three boxes: one with a pure red roof, one all white, one with a dark photo.
 
+use super::support::FACES;
 use insula_bake::read::{Palette, ReadOptions, read};
 use insula_bake::{BakeOptions, BakeReport, Silent, bake};
 use insula_test_support::folder::TestFolder;
@@ -15,10 +16,9 @@ fn add_box(obj: &mut String, number: usize, x: f64, [roof, rest]: [&str; 2]) {
         let at = |bit: usize, length: f64| if corner >> bit & 1 == 1 { length } else { 0.0 };
         writeln!(obj, "v {} {} {}", x + at(0, 12.0), at(1, 12.0), at(2, 9.0)).unwrap();
     }
-    let faces = [[4, 5, 7, 6], [0, 2, 3, 1], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
     writeln!(obj, "o box{number}").unwrap();
-    for (i, face) in faces.iter().enumerate() {
-        writeln!(obj, "usemtl {}", if i == 0 { roof } else { rest }).unwrap();
+    for (i, face) in FACES.iter().enumerate() {
+        writeln!(obj, "usemtl {}", if i == 1 { roof } else { rest }).unwrap();
         let corners: Vec<String> = face.iter().zip(1..).map(|(v, vt)| format!("{}/{vt}", first + v + 1)).collect();
         writeln!(obj, "f {}", corners.join(" ")).unwrap();
     }

@@ -8,6 +8,7 @@ use insula_bake::{
     WorkStore,
 };
 use insula_test_support::folder::TestFolder;
+use insula_test_support::map_files::{ascii_grid, feature_collection, rectangle};
 use insula_test_support::rng::Rng;
 use insula_test_support::tier;
 use std::collections::BTreeMap;
@@ -24,10 +25,8 @@ pub(crate) fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: 
         let (west, south) = (longitude + x / 90_500.0, latitude + y / 110_900.0);
         let (east, north) = (west + 22.0 / 90_500.0, south + (12 + i % 9) as f64 / 110_900.0);
         let height = 6 + i * 5 % 37;
-        format!(
-            r#"{{"type":"Feature","id":"h{file}-{i}","properties":{{"height":{height},"name":"House {i}"}},
-            "geometry":{{"type":"Polygon","coordinates":[[[{west},{south}],[{east},{south}],[{east},{north}],[{west},{north}],[{west},{south}]]]}}}}"#
-        )
+        let members = format!(r#""id":"h{file}-{i}","properties":{{"height":{height},"name":"House {i}"}}"#);
+        rectangle(&members, [west, south, east, north])
     };
     let file = |file: usize| {
         let mut features: Vec<String> = (0..48).map(|i| house(file, i)).collect();
@@ -167,13 +166,9 @@ fn write_sequence(folder: &Path) -> PathBuf {
         let (west, south) = (139.74 + (i % 40) as f64 * 3e-4, 35.26 + (i / 40) as f64 * 3e-4);
         let (east, north) = (west + 1e-4, south + 1e-4);
         let id = if i.is_multiple_of(2) { format!(r#""id":"s{i}","#) } else { String::new() };
-        let note = "x".repeat(2500);
-        format!(
-            r#"{{"type":"Feature",{id}"properties":{{"height":{},"note":"{note}"}},"geometry":{{"type":"Polygon",
-            "coordinates":[[[{west},{south}],[{east},{south}],[{east},{north}],[{west},{north}],[{west},{south}]]]}}}}"#,
-            4 + i % 30
-        )
-        .replace("\n            ", "")
+        let (height, note) = (4 + i % 30, "x".repeat(2500));
+        let members = format!(r#"{id}"properties":{{"height":{height},"note":"{note}"}}"#);
+        rectangle(&members, [west, south, east, north])
     };
     let path = folder.join("sequence.geojsonl");
     fs::write(&path, (0..900).map(feature).collect::<Vec<_>>().join("\n")).unwrap();
@@ -207,13 +202,8 @@ fn write_photographed(folder: &Path) -> PathBuf {
 #[test]
 fn terrain_landmarks_and_photos_give_the_bytes_of_a_plain_bake() {
     let folder = TestFolder::new("steps-terrain");
-    let (columns, rows) = (50_i32, 28_i32);
-    let mut dem = format!("ncols {columns}\nnrows {rows}\nxllcenter 499900\nyllcenter 5399700\ncellsize 20\n");
-    dem.push_str("NODATA_value -9999\n");
-    for i in 0..columns * rows {
-        let [x, y] = [i % columns, i / columns].map(f64::from);
-        write!(dem, "{:.2} ", 10.0 + 6.0 * (x / 4.0).sin() + 2.0 * (y / 3.0).sin()).unwrap();
-    }
+    let waves_m = |x: f64, y: f64| 10.0 + 6.0 * (x / 80.0).sin() + 2.0 * (y / 60.0).sin();
+    let dem = ascii_grid([499_900.0, 5_399_700.0], [50, 28], 20.0, waves_m);
     fs::write(folder.path.join("dem.asc"), dem).unwrap();
     fs::write(folder.path.join("dem.prj"), "EPSG:25832").unwrap();
     // Flat areas are painted on the terrain.
@@ -261,22 +251,17 @@ fn terrain_landmarks_and_photos_give_the_bytes_of_a_plain_bake() {
 #[test]
 fn land_around_the_city_gives_the_bytes_of_a_plain_bake() {
     let folder = TestFolder::new("steps-land");
-    let grid = |name: &str, corner: [i32; 2], size: i32, step: i32| {
-        let head = format!("ncols {size}\nnrows {size}\nxllcenter {}\nyllcenter {}\n", corner[0], corner[1]);
-        let mut text = format!("{head}cellsize {step}\nNODATA_value -9999\n");
-        for i in 0..size * size {
-            let [x, y] = [i % size, size - 1 - i / size].map(|along| f64::from(along * step));
-            let [x, y] = [f64::from(corner[0]) - 5e5 + x, f64::from(corner[1]) - 5.4e6 + y];
-            write!(text, "{:.2} ", 40.0 + 25.0 * (x / 700.0).sin() + 20.0 * (y / 900.0).cos()).unwrap();
-        }
-        fs::write(folder.path.join(name), text).unwrap();
+    let grid = |name: &str, [x0, y0]: [f64; 2], size: usize, step_m: f64| {
+        let land_m =
+            |x: f64, y: f64| 40.0 + 25.0 * ((x0 - 5e5 + x) / 700.0).sin() + 20.0 * ((y0 - 5.4e6 + y) / 900.0).cos();
+        fs::write(folder.path.join(name), ascii_grid([x0, y0], [size, size], step_m, land_m)).unwrap();
         fs::write(folder.path.join(name).with_extension("prj"), "EPSG:25832").unwrap();
         folder.path.join(name)
     };
     let mut inputs = write_town(&folder.path, [9.0002, 48.7502], 2);
     inputs.push(write_photographed(&folder.path));
-    inputs.push(grid("dem.asc", [499_800, 5_399_700], 70, 20));
-    let far = grid("far.asc", [493_000, 5_393_000], 141, 100);
+    inputs.push(grid("dem.asc", [499_800.0, 5_399_700.0], 70, 20.0));
+    let far = grid("far.asc", [493_000.0, 5_393_000.0], 141, 100.0);
     let surroundings = SurroundingsOptions { files: vec![far], reach_m: 4000.0 };
     let terrain = TerrainOptions { margin_m: 100.0, ..TerrainOptions::default() };
     let read = ReadOptions { surroundings, terrain, ..ReadOptions::default() };
@@ -401,17 +386,12 @@ fn write_country(folder: &Path) -> Vec<PathBuf> {
         let house = |i: usize| {
             let (x, y) =
                 (100_000.0 * town as f64 + 300_000.0 + 40.0 * (i % 5) as f64, 5_000_000.0 + 30.0 * (i / 5) as f64);
-            format!(
-                r#"{{"type":"Feature","id":"t{town}-{i}","properties":{{"height":9}},"geometry":{{"type":"Polygon",
-                "coordinates":[[[{x},{y}],[{0},{y}],[{0},{1}],[{x},{1}],[{x},{y}]]]}}}}"#,
-                x + 12.25,
-                y + 10.5
-            )
+            let members = format!(r#""id":"t{town}-{i}","properties":{{"height":9}}"#);
+            rectangle(&members, [x, y, x + 12.25, y + 10.5])
         };
         let houses: Vec<String> = (0..25).map(house).collect();
-        let crs = r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::25832"}}"#;
         let path = folder.join(format!("town-{town}.geojson"));
-        fs::write(&path, format!(r#"{{"type":"FeatureCollection",{crs},"features":[{}]}}"#, houses.join(","))).unwrap();
+        fs::write(&path, feature_collection("urn:ogc:def:crs:EPSG::25832", &houses)).unwrap();
         path
     };
     (0..10).map(town).collect()

@@ -5,7 +5,7 @@ use insula_bake::sample::SampleSettings;
 use insula_bake::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
 use insula_bake::{BakeError, BakeOptions, BakeReport, Progress, Silent, bake_scene};
 use insula_protocol::subtree::NodeInfo;
-use insula_protocol::{Manifest, Subtree, TileId};
+use insula_protocol::{BlockMap, Manifest, Subtree, TileId};
 use insula_test_support::folder::TestFolder;
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};
 use std::collections::BTreeMap;
@@ -65,6 +65,19 @@ pub(crate) fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3], [top, ot
             scene.triangles.push(SceneTriangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
         }
     }
+}
+
+/// The vertices and faces of a box as OBJ, where `vertices` come before it.
+pub(crate) fn obj_box(vertices: usize, low: [f64; 3], high: [f64; 3]) -> String {
+    let vertex = |i: usize| {
+        let [x, y, z] = [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
+        format!("v {x} {y} {z}\n")
+    };
+    let face = |face: [usize; 4]| {
+        let [a, b, c, d] = face.map(|corner| vertices + corner + 1);
+        format!("f {a} {b} {c} {d}\n")
+    };
+    (0..8).map(vertex).chain(FACES.map(face)).collect()
 }
 
 /// The output of a bake, in a folder of its own so that all cities have the same name.
@@ -144,6 +157,13 @@ impl BakedCity {
 
     pub(crate) fn archive(&self, name: &str) -> MemoryArchive {
         MemoryArchive::new(self.files[name].clone())
+    }
+
+    /// The V-BlockMaps of all nodes, as they are stored.
+    pub(crate) fn maps(&self) -> BTreeMap<TileId, BlockMap> {
+        let archive = self.archive("blockmaps.pmtiles");
+        let decode = |id: &TileId| BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap();
+        self.nodes().keys().map(|id| (*id, decode(id))).collect()
     }
 
     /// All nodes that the subtree tiles name, found as a client finds them, beginning at the root's tile.

@@ -7,9 +7,9 @@ use insula_bake::sample::SampleSettings;
 use insula_protocol::blockmap::flag;
 use insula_protocol::{BlockMap, Manifest, TileId, octahedral};
 use insula_test_support::folder::TestFolder;
+use insula_test_support::map_files::{ascii_grid, feature_collection, rectangle};
 use insula_test_support::rng::Rng;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
@@ -26,19 +26,8 @@ fn land_m(x: f64, y: f64) -> f64 {
 /// Writes an ASCII grid of heights between two corners, from the origin of the test's maps.
 fn write_grid(path: &Path, low: [f64; 2], high: [f64; 2], step_m: f64, height_m: impl Fn(f64, f64) -> f64) {
     let size = [0, 1].map(|axis| ((high[axis] - low[axis]) / step_m) as usize + 1);
-    let mut text = format!(
-        "ncols {}\nnrows {}\nxllcenter {}\nyllcenter {}\ncellsize {step_m}\nNODATA_value -9999\n",
-        size[0],
-        size[1],
-        EAST_M + low[0],
-        NORTH_M + low[1],
-    );
-    for row in (0..size[1]).rev() {
-        for column in 0..size[0] {
-            write!(text, "{:.3} ", height_m(low[0] + column as f64 * step_m, low[1] + row as f64 * step_m)).unwrap();
-        }
-        text.push('\n');
-    }
+    let corner = [EAST_M + low[0], NORTH_M + low[1]];
+    let text = ascii_grid(corner, size, step_m, |x, y| height_m(low[0] + x, low[1] + y));
     fs::write(path, text).unwrap();
     fs::write(path.with_extension("prj"), "EPSG:25832").unwrap();
 }
@@ -47,16 +36,9 @@ fn write_grid(path: &Path, low: [f64; 2], high: [f64; 2], step_m: f64, height_m:
 fn write_houses(path: &Path) {
     let house = |x: f64, y: f64| {
         let (x, y) = (EAST_M + x, NORTH_M + y);
-        let ring =
-            [[x, y], [x + 10.0, y], [x + 10.0, y + 10.0], [x, y + 10.0], [x, y]].map(|[x, y]| format!("[{x}, {y}]"));
-        format!(
-            r#"{{"type": "Feature", "properties": {{"height": 12}}, "geometry": {{"type": "Polygon", "coordinates": [[{}]]}}}}"#,
-            ring.join(", ")
-        )
+        rectangle(r#""properties":{"height":12}"#, [x, y, x + 10.0, y + 10.0])
     };
-    let crs = r#""crs": {"type": "name", "properties": {"name": "EPSG:25832"}}"#;
-    let features = format!("{}, {}", house(30.0, 20.0), house(410.0, 250.0));
-    fs::write(path, format!(r#"{{"type": "FeatureCollection", {crs}, "features": [{features}]}}"#)).unwrap();
+    fs::write(path, feature_collection("EPSG:25832", &[house(30.0, 20.0), house(410.0, 250.0)])).unwrap();
 }
 
 /// Bakes files of a folder with few views, on which the heights of land hardly depend.
@@ -73,10 +55,7 @@ struct Columns {
 
 impl Columns {
     fn new(city: &BakedCity) -> Self {
-        let archive = city.archive("blockmaps.pmtiles");
-        let decode = |id: &TileId| BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap();
-        let maps = city.nodes().keys().map(|id| (*id, decode(id))).collect();
-        Self { manifest: city.manifest(), maps }
+        Self { manifest: city.manifest(), maps: city.maps() }
     }
 
     /// The finest node at a world position, and its column there.

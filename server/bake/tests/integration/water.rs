@@ -67,9 +67,7 @@ fn reflective() -> &'static BakedCity {
 }
 
 fn maps(city: &BakedCity) -> BTreeMap<TileId, BlockMap> {
-    let archive = city.archive("blockmaps.pmtiles");
-    let decode = |id: &TileId| BlockMap::decode(*id, &archive.get(*id).unwrap()).unwrap().stand_on_ground();
-    city.nodes().keys().map(|id| (*id, decode(id))).collect()
+    city.maps().into_iter().map(|(id, map)| (id, map.stand_on_ground())).collect()
 }
 
 /// Distance by which a point is inside of a square; negative outside.

@@ -4,7 +4,7 @@ use crate::read::{ReadOptions, ReadReport, SourceFormat, read};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::testing::gzip;
 use insula_test_support::folder::TestFolder;
-use std::fmt::Write;
+use insula_test_support::map_files::{ascii_grid, feature_collection, rectangle};
 use std::fs;
 
 /// Origin of the test's maps, in EPSG:25832.
@@ -19,30 +19,15 @@ fn ground_m(x: f64, y: f64) -> f64 {
 
 /// An ASCII grid of `size` points with the south-western one at `corner` metres from the origin.
 fn grid(corner: [f64; 2], size: [usize; 2], step_m: f64, height_m: impl Fn(f64, f64) -> f64) -> String {
-    let [x, y] = [EAST_M + corner[0], NORTH_M + corner[1]];
-    let mut text = format!(
-        "ncols {}\nnrows {}\nxllcenter {x}\nyllcenter {y}\ncellsize {step_m}\nNODATA_value -9999\n",
-        size[0], size[1]
-    );
-    for row in (0..size[1]).rev() {
-        for column in 0..size[0] {
-            let height = height_m(corner[0] + column as f64 * step_m, corner[1] + row as f64 * step_m);
-            write!(text, "{height:.4} ").unwrap();
-        }
-        text.push('\n');
-    }
-    text
+    let [x0, y0] = corner;
+    ascii_grid([EAST_M + x0, NORTH_M + y0], size, step_m, |x, y| height_m(x0 + x, y0 + y))
 }
 
 /// A square building of 10 m with its south-western corner at a place.
 fn house([x, y]: [f64; 2]) -> String {
     let (x, y) = (EAST_M + x, NORTH_M + y);
-    let ring =
-        format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}], [{x}, {y}]]", x + 10.0, x + 10.0, y + 10.0, y + 10.0);
-    format!(
-        r#"{{"type": "FeatureCollection", "crs": {{"type": "name", "properties": {{"name": "EPSG:25832"}}}}, "features": [
-        {{"type": "Feature", "properties": {{"height": 12}}, "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}]}}"#
-    )
+    let house = rectangle(r#""properties":{"height":12}"#, [x, y, x + 10.0, y + 10.0]);
+    feature_collection("EPSG:25832", &[house])
 }
 
 fn read_files(name: &str, files: &[(&str, &str)], options: &ReadOptions) -> (Scene, ReadReport) {
