@@ -1,6 +1,7 @@
 //! Bays, storeys, gables, small buildings and damaged walls.
 
 use super::*;
+use insula_test_support::rng::Rng;
 
 const PLAIN: [u8; 3] = [190, 180, 170];
 
@@ -253,14 +254,11 @@ fn textures_are_few_however_many_colours_there_are() {
 
 #[test]
 fn tangled_and_degenerate_walls_are_survived() {
-    let mut state = 1_u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f64 / (1_u64 << 24) as f64
-    };
+    let mut rng = Rng::new(1);
     let mut faces = house(20.0, 20.0, 20.0);
     for i in 0..4000 {
-        let mut corner = || [random() * 100.0, if i % 2 == 0 { 0.0 } else { random() * 1e9 }, random() * 100.0];
+        let mut corner =
+            || [rng.range(0.0, 100.0), if i % 2 == 0 { 0.0 } else { rng.range(0.0, 1e9) }, rng.range(0.0, 100.0)];
         let corners = [corner(), corner(), corner()];
         faces.push(WorldTriangle { corners, ..faces[0] });
     }

@@ -183,6 +183,7 @@ pub fn area_m2(ring: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [30.0, 0.0], [30.0, 30.0], [0.0, 30.0]];
 
@@ -241,12 +242,8 @@ mod tests {
 
     #[test]
     fn tangles_and_large_polygons_are_left_alone() {
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / (1_u64 << 24) as f64 * 100.0
-        };
-        let tangle: Vec<[f64; 2]> = (0..20_000).map(|_| [random(), random()]).collect();
+        let mut rng = Rng::new(1);
+        let tangle: Vec<[f64; 2]> = (0..20_000).map(|_| [rng.range(0.0, 100.0), rng.range(0.0, 100.0)]).collect();
         assert!(is_tangle([&tangle[..]].into_iter()));
         assert_eq!(clean(&[tangle]), None);
         // A saw crosses nothing, and a bow once.

@@ -252,6 +252,7 @@ fn twice_area(flat: &[[f64; 2]], a: u32, b: u32, c: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     /// Sum of the triangles' area vectors: its direction is the orientation, its length the area.
     fn area_vector(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> DVec3 {
@@ -302,19 +303,10 @@ mod tests {
         assert_eq!(triangulator.triangulate(&closed, &[]).unwrap().list.len(), 1);
     }
 
-    /// A generator of numbers from 0 to 1.
-    fn random() -> impl FnMut() -> f64 {
-        let mut state = 1_u64;
-        move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / (1_u64 << 24) as f64
-        }
-    }
-
     #[test]
     fn polygons_that_would_take_minutes_are_refused() {
-        let mut random = random();
-        let tangle: Vec<[f64; 3]> = (0..10_000).map(|_| [random() * 100.0, random() * 100.0, 0.0]).collect();
+        let mut rng = Rng::new(1);
+        let tangle: Vec<[f64; 3]> = (0..10_000).map(|_| [rng.range(0.0, 100.0), rng.range(0.0, 100.0), 0.0]).collect();
         // They use up any number of steps; a part of the limit takes less than a second.
         let impatient = || Triangulator { steps_divisor: 64, ..Triangulator::new() };
         assert_eq!(impatient().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex));
@@ -323,7 +315,7 @@ mod tests {
         let mut points = vec![[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]];
         let mut starts = Vec::new();
         for _ in 0..6000 {
-            let [x, y] = [random() * 990.0, random() * 990.0];
+            let [x, y] = [rng.range(0.0, 990.0), rng.range(0.0, 990.0)];
             starts.push(points.len() as u32);
             points.extend([[x, y, 0.0], [x, y + 9.0, 0.0], [x + 9.0, y + 9.0, 0.0], [x + 9.0, y, 0.0]]);
         }
@@ -360,11 +352,11 @@ mod tests {
 
     #[test]
     fn large_honest_polygons_have_the_triangles_of_the_unlimited_algorithm() {
-        let mut random = random();
+        let mut rng = Rng::new(1);
         let star: Vec<[f64; 3]> = (0..20_000)
             .map(|i| {
                 let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 20_000.0).sin_cos();
-                let radius = 100.0 + random();
+                let radius = 100.0 + rng.unit();
                 [radius * cos, radius * sin, 0.0]
             })
             .collect();
