@@ -18,7 +18,6 @@ mod geopackage;
 mod geoparquet;
 mod layer;
 mod local;
-mod orient;
 mod rings;
 mod shape;
 mod shapefile;

@@ -1,9 +1,9 @@
 //! What a feature's geometry becomes: areas, surfaces in space, strips or points.
 
 use super::geometry::{Geometry, Polygon, Ring};
-use super::orient::ring_area_vector;
 use super::rings::{self, Nested};
 use insula_dress::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
+use insula_dress::palette::area_vector;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip, Surface};
 
@@ -104,7 +104,7 @@ fn is_upright(polygon: &Polygon) -> bool {
     let Some(ring) = polygon.first() else { return false };
     let [west, south, east, north] = extent_of(ring);
     let square = (east - west).powi(2) + (north - south).powi(2);
-    ring_area_vector(ring)[2].abs() < WALL_SHARE * square
+    2.0 * area_vector(ring).z.abs() < WALL_SHARE * square
 }
 
 /// West, south, east and north of a ring.

@@ -2,7 +2,7 @@
 
 use super::schema::GeoJsonGeometry;
 use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
-use crate::vector::orient::ring_area_vector;
+use insula_dress::palette::area_vector;
 use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
 use insula_source::json::position::JsonPosition;
@@ -170,7 +170,7 @@ fn turned(mut ring: Ring, is_outer: bool) -> Ring {
         ring.extend(ring.first().copied());
     }
     let on_map: Ring = ring.iter().map(|[x, y, _]| [*x, *y, 0.0]).collect();
-    if (ring_area_vector(&on_map)[2] < 0.0) == is_outer {
+    if (area_vector(&on_map).z < 0.0) == is_outer {
         ring.reverse();
     }
     ring
@@ -201,7 +201,7 @@ mod tests {
             "base": {"type": "Polygon", "coordinates": [[[0, 0], [0, 4], [4, 4], [4, 0], [0, 0]]]}}"#;
         let body = read(&format!(r#"{{"type": "MultiPrism", "geometries": [{prism}]}}"#)).unwrap();
         assert!(body.is_surface && body.has_z && body.polygons.len() == 6, "{body:?}");
-        assert!(ring_area_vector(&body.polygons[5][0])[2] > 0.0 && ring_area_vector(&body.polygons[4][0])[2] < 0.0);
+        assert!(area_vector(&body.polygons[5][0]).z > 0.0 && area_vector(&body.polygons[4][0]).z < 0.0);
         let multi = format!(r#"{{"type": "MultiPrism", "prisms": [{prism}, {prism}]}}"#);
         assert_eq!(read(&multi).unwrap().polygons.len(), 12);
         let draft = format!(r#"{{"type": "MultiPrism", "coordinates": [{prism}, {prism}]}}"#);
