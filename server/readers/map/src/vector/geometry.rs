@@ -23,6 +23,12 @@ pub(super) fn is_same_place(a: Option<&[f64; 3]>, b: Option<&[f64; 3]>) -> bool 
     a.is_some() && a.map(|a| &a[..2]) == b.map(|b| &b[..2])
 }
 
+/// West, south, east and north of positions, ignoring those that are not numbers; infinite without any.
+pub(super) fn extent_of<'p>(positions: impl IntoIterator<Item = &'p [f64; 3]>) -> [f64; 4] {
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    positions.into_iter().fold(none, |[w, s, e, n], [x, y, _]| [w.min(*x), s.min(*y), e.max(*x), n.max(*y)])
+}
+
 /// All parts of a feature's geometry.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Geometry {
@@ -49,10 +55,7 @@ impl Geometry {
 
     /// West, south, east and north of all positions, ignoring those that are not numbers; `None` without any.
     pub(crate) fn bounds(&self) -> Option<[f64; 4]> {
-        let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        for [x, y, _] in self.positions() {
-            bounds = [bounds[0].min(*x), bounds[1].min(*y), bounds[2].max(*x), bounds[3].max(*y)];
-        }
+        let bounds = extent_of(self.positions());
         (bounds[0] <= bounds[2] && bounds[1] <= bounds[3]).then_some(bounds)
     }
 

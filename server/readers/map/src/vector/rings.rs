@@ -1,6 +1,7 @@
 //! Groups loose rings into polygons with holes.
 
-use super::geometry::{Polygon, Ring};
+use super::geometry::{Polygon, Ring, extent_of};
+use insula_dress::palette::area_vector;
 use insula_source::ring_inside::point_inside;
 
 /// Corners that are visited when rings are assigned to those around them; of the rings past it, those that turn as holes do are left
@@ -25,18 +26,9 @@ struct RingFacts {
 
 impl RingFacts {
     fn of(ring: &Ring) -> Self {
-        let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        let mut heights = [f64::INFINITY, f64::NEG_INFINITY];
-        for [x, y, z] in ring {
-            bounds = [bounds[0].min(*x), bounds[1].min(*y), bounds[2].max(*x), bounds[3].max(*y)];
-            heights = [heights[0].min(*z), heights[1].max(*z)];
-        }
-        let origin = ring.first().copied().unwrap_or_default();
-        let cross = |pair: &[[f64; 3]]| {
-            let [a, b] = [pair[0], pair[1]].map(|p| [p[0] - origin[0], p[1] - origin[1]]);
-            a[0] * b[1] - a[1] * b[0]
-        };
-        Self { bounds, heights, area: ring.windows(2).map(cross).sum() }
+        let of_none = [f64::INFINITY, f64::NEG_INFINITY];
+        let heights = ring.iter().fold(of_none, |[low, high], [.., z]| [low.min(*z), high.max(*z)]);
+        Self { bounds: extent_of(ring), heights, area: 2.0 * area_vector(ring).z }
     }
 
     /// Whether another ring may lie in this one, by bounds, areas and heights.

@@ -1,6 +1,6 @@
 //! What a feature's geometry becomes: areas, surfaces in space, strips or points.
 
-use super::geometry::{Geometry, Polygon, Ring};
+use super::geometry::{Geometry, Polygon, Ring, extent_of};
 use super::rings::{self, Nested};
 use insula_dress::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
 use insula_dress::palette::area_vector;
@@ -105,12 +105,6 @@ fn is_upright(polygon: &Polygon) -> bool {
     let [west, south, east, north] = extent_of(ring);
     let square = (east - west).powi(2) + (north - south).powi(2);
     2.0 * area_vector(ring).z.abs() < WALL_SHARE * square
-}
-
-/// West, south, east and north of a ring.
-fn extent_of(ring: &Ring) -> [f64; 4] {
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    ring.iter().fold(none, |[w, s, e, n], [x, y, _]| [w.min(*x), s.min(*y), e.max(*x), n.max(*y)])
 }
 
 /// Whether all positions of a ring are at one height.
