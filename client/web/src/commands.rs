@@ -6,6 +6,7 @@ use insula_viewer::interaction::measure::MeasureKind;
 use insula_viewer::objects::{FilteredOut, StyleRules};
 use serde::Deserialize;
 
+/// How a viewer begins.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]

@@ -40,6 +40,7 @@ pub(crate) struct FrameMessage {
     pub(crate) tiles: u64,
 }
 
+/// The measured figure.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct MeasureMessage {
@@ -52,6 +53,7 @@ pub(crate) struct MeasureMessage {
     pub(crate) closed: bool,
 }
 
+/// The state of streaming.
 #[derive(Debug, Serialize, PartialEq, Clone)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct StatusMessage {
@@ -91,6 +93,7 @@ impl From<ObjectDescription> for ObjectMessage {
 #[serde(rename_all = "camelCase")]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct SchemaMessage {
+    /// Number of objects.
     pub(crate) objects: u32,
     /// Names of attributes by which objects can be coloured.
     pub(crate) color_by: Vec<String>,
@@ -103,6 +106,7 @@ pub(crate) struct SchemaMessage {
     pub(crate) labels: serde_json::Value,
 }
 
+/// The colours of objects.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct ColorsMessage {
