@@ -47,75 +47,46 @@ pub const THUMBNAIL_PX: [u32; 2] = [1280, 720];
 /// An address of the server. Its `Display` is the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Route<'a> {
+    /// The page for people.
     Index,
     /// The description of the HTTP interface.
     OpenApi,
+    /// Whether the server runs.
     Health,
+    /// Whether it has cities to serve.
     Readiness,
+    /// Its counters.
     Metrics,
+    /// The list of cities.
     Cities,
-    Manifest {
-        city: &'a str,
-    },
+    /// The manifest of a city.
+    Manifest { city: &'a str },
     /// The page of a city for people.
-    CityPage {
-        city: &'a str,
-    },
+    CityPage { city: &'a str },
     /// A small picture of a city.
-    Thumbnail {
-        city: &'a str,
-    },
+    Thumbnail { city: &'a str },
     /// A file of the browser viewer ([`is_asset_name`]), immutable under the hash of all its files.
-    Asset {
-        hash: &'a str,
-        file: &'a str,
-    },
+    Asset { hash: &'a str, file: &'a str },
     /// The script that keeps pages and tiles for use without a network. It must lie above all that it keeps.
     ServiceWorker,
+    /// A tile of a city.
     Tile(TileRoute<'a>),
     /// Several tiles ([`crate::tile_group`]).
-    Group {
-        city: &'a str,
-        /// The city's version ([`crate::Manifest::version`]).
-        version: &'a str,
-        group: TileGroup,
-    },
+    Group { city: &'a str, version: &'a str, group: TileGroup },
     /// The search of a city's objects by their texts. The query has the text.
-    Search {
-        city: &'a str,
-        /// The city's version ([`crate::Manifest::version`]).
-        version: &'a str,
-    },
+    Search { city: &'a str, version: &'a str },
     /// Which of a city's objects pass a filter. The query has the filter.
-    Filter {
-        city: &'a str,
-        /// The city's version ([`crate::Manifest::version`]).
-        version: &'a str,
-    },
+    Filter { city: &'a str, version: &'a str },
     /// Vector drawings of a city, which are made of the body of a POST request.
-    Draw {
-        city: &'a str,
-    },
+    Draw { city: &'a str },
     /// Analyses of a part of a city, which are made of the body of a POST request.
-    Analyse {
-        city: &'a str,
-    },
+    Analyse { city: &'a str },
     /// What the proposals of a city add to it and remove from it.
-    Proposals {
-        city: &'a str,
-    },
+    Proposals { city: &'a str },
     /// The root of a city's tileset in the format 3D Tiles.
-    Tileset {
-        city: &'a str,
-    },
+    Tileset { city: &'a str },
     /// A file of such a tileset.
-    TilesetFile {
-        city: &'a str,
-        /// The city's version ([`crate::Manifest::version`]).
-        version: &'a str,
-        kind: TilesetFileKind,
-        id: TileId,
-    },
+    TilesetFile { city: &'a str, version: &'a str, kind: TilesetFileKind, id: TileId },
 }
 
 /// A kind of file of a tileset.

@@ -66,13 +66,10 @@ enum CellPart {
 
 #[derive(Debug, Clone)]
 enum Wall {
+    /// The same texel everywhere.
     Plain(Texel),
     /// Texels from `base_m` upwards, each as high as a cell is wide. With `holes`, some are transparent.
-    Strip {
-        texels: Vec<Texel>,
-        base_m: f64,
-        holes: bool,
-    },
+    Strip { texels: Vec<Texel>, base_m: f64, holes: bool },
 }
 
 /// The solids of a city, in metres relative to its area's origin.

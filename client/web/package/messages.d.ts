@@ -20,7 +20,12 @@ query: string, width: number, height: number, cacheBytes: number, tau: number | 
 /**
  * A command without an answer.
  */
-export type Command = { "resize": { width: number, height: number, } } | { "move": { direction: Direction, held: boolean, } } | { "fast": { held: boolean, } } | { "release": Record<symbol, never> } | { "drag": { dx: number, dy: number, } } | { "pan": { dx: number, dy: number, } } | { "zoom": { factor: number, } } | { "wheel": { steps: number, } } | { "turn": { rad: number, } } | { "tilt": { rad: number, } } | { "approach": { x: number, y: number, } } | { "mode": { mode: Mode, } } | { "north": Record<symbol, never> } | { "home": Record<symbol, never> } | { "collision": { on: boolean, } } | { "camera": { camera: string, seconds: number | null, } } | { "goto": { position: [number, number, number], seconds: number | null, } } | { "time": { time: string, } } | { "day": { running: boolean, } } | { "options": { tau: number | null, fps: number | null, distances: string | null, shadows: boolean | null, shading: number | null, look: number | null, } } | { "markers": { points: Array<[number, number, number]>, } } | { "lines": { lines: Array<Array<[number, number, number]>>, } } | { "measure": MeasureCommand };
+export type Command = { "resize": { width: number, height: number, } } | { "move": { direction: Direction, held: boolean, } } | { "fast": { held: boolean, } } | { "release": Record<symbol, never> } | { "drag": { dx: number, dy: number, } } | { "pan": { dx: number, dy: number, } } | { "zoom": { factor: number, } } | { "wheel": { steps: number, } } | { "turn": { rad: number, } } | { "tilt": { rad: number, } } | { "approach": { x: number, y: number, } } | { "mode": { mode: Mode, } } | { "north": Record<symbol, never> } | { "home": Record<symbol, never> } | { "collision": { on: boolean, } } | { "camera": { camera: string, seconds: number | null, } } | { "goto": { position: [number, number, number], seconds: number | null, } } | { "time": { time: string, } } | { "day": { running: boolean, } } | { "options": OptionsCommand } | { "markers": { points: Array<[number, number, number]>, } } | { "lines": { lines: Array<Array<[number, number, number]>>, } } | { "measure": MeasureCommand };
+
+/**
+ * Options that change.
+ */
+export type OptionsCommand = { tau: number | null, fps: number | null, distances: string | null, shadows: boolean | null, shading: number | null, look: number | null, };
 
 /**
  * What the measuring tool does.

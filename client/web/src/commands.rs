@@ -33,79 +33,42 @@ pub(crate) struct ViewerOptions {
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Command {
-    Resize {
-        width: u32,
-        height: u32,
-    },
-    Move {
-        direction: Direction,
-        held: bool,
-    },
-    Fast {
-        held: bool,
-    },
+    Resize { width: u32, height: u32 },
+    Move { direction: Direction, held: bool },
+    Fast { held: bool },
     Release {},
-    Drag {
-        dx: f64,
-        dy: f64,
-    },
-    Pan {
-        dx: f64,
-        dy: f64,
-    },
-    Zoom {
-        factor: f64,
-    },
-    Wheel {
-        steps: f64,
-    },
-    Turn {
-        rad: f64,
-    },
-    Tilt {
-        rad: f64,
-    },
-    Approach {
-        x: f64,
-        y: f64,
-    },
-    Mode {
-        mode: Mode,
-    },
+    Drag { dx: f64, dy: f64 },
+    Pan { dx: f64, dy: f64 },
+    Zoom { factor: f64 },
+    Wheel { steps: f64 },
+    Turn { rad: f64 },
+    Tilt { rad: f64 },
+    Approach { x: f64, y: f64 },
+    Mode { mode: Mode },
     North {},
     Home {},
-    Collision {
-        on: bool,
-    },
-    Camera {
-        camera: String,
-        seconds: Option<f64>,
-    },
-    Goto {
-        position: [f64; 3],
-        seconds: Option<f64>,
-    },
-    Time {
-        time: String,
-    },
-    Day {
-        running: bool,
-    },
-    Options {
-        tau: Option<f64>,
-        fps: Option<f64>,
-        distances: Option<String>,
-        shadows: Option<bool>,
-        shading: Option<usize>,
-        look: Option<usize>,
-    },
-    Markers {
-        points: Vec<[f64; 3]>,
-    },
-    Lines {
-        lines: Vec<Vec<[f64; 3]>>,
-    },
+    Collision { on: bool },
+    Camera { camera: String, seconds: Option<f64> },
+    Goto { position: [f64; 3], seconds: Option<f64> },
+    Time { time: String },
+    Day { running: bool },
+    Options(OptionsCommand),
+    Markers { points: Vec<[f64; 3]> },
+    Lines { lines: Vec<Vec<[f64; 3]>> },
     Measure(MeasureCommand),
+}
+
+/// Options that change.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct OptionsCommand {
+    pub(crate) tau: Option<f64>,
+    pub(crate) fps: Option<f64>,
+    pub(crate) distances: Option<String>,
+    pub(crate) shadows: Option<bool>,
+    pub(crate) shading: Option<usize>,
+    pub(crate) look: Option<usize>,
 }
 
 /// How objects are coloured and filtered. What is left out asks for nothing.

@@ -1,6 +1,8 @@
 //! The types of messages in TypeScript, made from those of Rust.
 
-use crate::commands::{ColorRules, Command, Direction, Kind, MeasureCommand, Mode, Others, ViewerOptions};
+use crate::commands::{
+    ColorRules, Command, Direction, Kind, MeasureCommand, Mode, OptionsCommand, Others, ViewerOptions,
+};
 use crate::messages::{ColorsMessage, FrameMessage, MeasureMessage, ObjectMessage, SchemaMessage, StatusMessage, Step};
 use std::fmt::Write;
 use std::fs;
@@ -21,6 +23,7 @@ fn package_has_the_types_of_the_messages() {
         "/** Messages between the element and its engine. Made from client/web/src by a test. */\n\n".to_owned();
     declare::<ViewerOptions>(&mut types, &config);
     declare::<Command>(&mut types, &config);
+    declare::<OptionsCommand>(&mut types, &config);
     declare::<MeasureCommand>(&mut types, &config);
     declare::<Direction>(&mut types, &config);
     declare::<Mode>(&mut types, &config);

@@ -84,31 +84,13 @@ pub struct Stone {
 pub enum StoneError {
     /// A number.
     #[error("{field} of a stone is {found}, it can be {low} to {high}")]
-    Range {
-        /// Name of the parameter, as in [`super::StoneParameters`].
-        field: &'static str,
-        /// Its value.
-        found: f32,
-        /// Least valid value.
-        low: f32,
-        /// Largest valid value.
-        high: f32,
-    },
+    Range { field: &'static str, found: f32, low: f32, high: f32 },
     /// A colour that is not `#rrggbb`.
     #[error("{field} of a stone is {found:?}, not a colour like #d8c8b0")]
-    Colour {
-        field: &'static str,
-        /// Its value.
-        found: String,
-    },
+    Colour { field: &'static str, found: String },
     /// No preset has that name.
     #[error("there is no stone {found:?}: choose one of {known}")]
-    Preset {
-        /// The name.
-        found: String,
-        /// All names.
-        known: String,
-    },
+    Preset { found: String, known: String },
     /// No [`StoneKind`] has that number.
     #[error("a stone has kind {0}, which is unknown")]
     Kind(u32),

@@ -35,17 +35,10 @@ pub(super) struct RequestPolicy<'a, F> {
 
 /// A row of the table above.
 pub(super) enum RequestPhase {
-    /// No occlusion feedback has been taken in yet.
     BeforeFeedback,
-    /// At most `fine` of the tiles without a large error are requested, most important first.
-    WhileDrawing {
-        fine: usize,
-    },
+    WhileDrawing { fine: usize },
     BetweenFrames,
-    /// The first tiles that fit into `spare_pages` are requested.
-    Prefetch {
-        spare_pages: u32,
-    },
+    Prefetch { spare_pages: u32 },
 }
 
 impl<F: TileFetcher> RequestPolicy<'_, F> {

@@ -1,6 +1,6 @@
 //! Carries out the page's commands.
 
-use super::commands::{Command, MeasureCommand};
+use super::commands::{Command, MeasureCommand, OptionsCommand};
 use super::navigation::CameraFlight;
 use super::viewer::{CityViewer, clamped_size, clamped_tau, to_js};
 use glam::DVec3;
@@ -44,7 +44,7 @@ impl CityViewer {
                     self.day.toggle(Instant::now());
                 }
             }
-            Command::Options { tau, fps, distances, shadows, shading, look } => {
+            Command::Options(OptionsCommand { tau, fps, distances, shadows, shading, look }) => {
                 self.set_options(tau, shadows);
                 if let Some(text) = distances {
                     let metres: Vec<f64> = text.split(',').filter_map(|metres| metres.trim().parse().ok()).collect();

@@ -39,25 +39,15 @@ impl<'a> ObjectInFamily<'a> {
     }
 }
 
+/// A condition. The `part` of `Contains` is in lower case.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Expression {
     All(Vec<Expression>),
     Any(Vec<Expression>),
     Not(Box<Expression>),
-    Compare {
-        left: Operand,
-        comparison: Comparison,
-        right: Operand,
-    },
-    OneOf {
-        operand: Operand,
-        values: Vec<Value>,
-    },
-    /// `part` is in lower case.
-    Contains {
-        operand: Operand,
-        part: String,
-    },
+    Compare { left: Operand, comparison: Comparison, right: Operand },
+    OneOf { operand: Operand, values: Vec<Value> },
+    Contains { operand: Operand, part: String },
     IsPresent(Operand),
     IsTrue(Operand),
 }
