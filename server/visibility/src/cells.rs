@@ -28,28 +28,23 @@ pub struct CitySets {
 }
 
 impl CitySets {
-    /// Computes the sets of the cells of all leaves that are `wanted`, and calls `advance` [`SWEEPS`] times for each. `None` if the city
-    /// has no sets ([`CityExtent::check`]). Fails with the first error of `read`, which decodes the V-BlockMap of a node of `extent`.
+    /// Computes the sets of the cells of all leaves, and calls `advance` [`SWEEPS`] times for each. `None` if the city has no sets
+    /// ([`CityExtent::check`]). Fails with the first error of `read`, which decodes the V-BlockMap of a node of `extent`.
     pub fn compute<E: Send>(
         extent: &CityExtent,
         settings: &Settings,
         read: impl Fn(TileId) -> Result<BlockMap, E> + Sync,
-        wanted: impl Fn(TileId) -> bool + Sync,
         advance: impl Fn() + Sync,
     ) -> Result<Option<Self>, E> {
         let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
         let leaves = heights.leaves;
         let mut cells: Vec<Option<(VisibleCell, ViewCell)>> = {
             let grounds = CellGrounds::new(&heights);
-            let is_wanted = |i: usize| {
-                let (x, y) = leaves.place(i);
-                heights.is_leaf[i] && TileId::new(extent.depth, x, y).is_some_and(&wanted)
-            };
             let cell_at = |i: usize| {
                 let (ground, cell) = grounds.cell(i, settings);
                 (VisibleCell { ground, seen: Vec::new() }, cell)
             };
-            (0..leaves.len()).into_par_iter().map(|i| is_wanted(i).then(|| cell_at(i))).collect()
+            (0..leaves.len()).into_par_iter().map(|i| heights.is_leaf[i].then(|| cell_at(i))).collect()
         };
         // Land around the leaves is not computed: it counts as seen.
         let is_land = |id: &TileId| id.level() < extent.depth && !leaves.contains(*id, extent.depth);

@@ -56,7 +56,7 @@ impl City {
         let extent = CityExtent { depth: DEPTH, cell_m: 1.0, lowest_m: -10.0, terminals: leaves.collect() };
         let settings = Settings { reach, ..Settings::default() };
         let read = |id: TileId| Ok::<_, ()>(self.map(id));
-        CitySets::compute(&extent, &settings, read, |_| true, || ()).unwrap().unwrap()
+        CitySets::compute(&extent, &settings, read, || ()).unwrap().unwrap()
     }
 
     fn is_solid(&self, p: [f64; 3]) -> bool {

@@ -41,8 +41,7 @@ pub(super) fn write_archive(
     let decode = |id: TileId| BlockMap::decode(id, &read(id)?).map_err(BakeError::tile(id, "read"));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })?;
-    let sets =
-        pool.install(|| CitySets::compute(&extent, &Settings::default(), decode, |_| true, || progress.advance(1)))?;
+    let sets = pool.install(|| CitySets::compute(&extent, &Settings::default(), decode, || progress.advance(1)))?;
     let Some(sets) = sets else { return Ok(None) };
     archive::write(path, base, &sets.blocks(), |id| sets.tile(id).encode().map_err(BakeError::tile(id, "written")))
         .map(Some)
