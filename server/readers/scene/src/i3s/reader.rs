@@ -20,6 +20,8 @@ const MAX_NODES: usize = 1 << 24;
 const MAX_DEPTH: u32 = 256;
 /// Layers of which more nodes cannot be read, and ten times more than can, are given up.
 const MAX_FAULTS: u64 = 10_000;
+/// Nodes may have the geometry of others this often. Each costs the work of a whole one, and a small file can name it without end.
+const MAX_REPEATS: u64 = 1000;
 /// Metres of a degree of latitude, rather too few.
 const METRES_PER_DEGREE: f64 = 110_000.0;
 
@@ -30,6 +32,9 @@ pub(super) struct LayerReader<'r, 'f, 'a> {
     sink: &'r mut dyn ObjectSink,
     place: LayerPlace,
     visited: HashSet<NodeId>,
+    /// Geometries that were read, and how often one was read again.
+    geometries: HashSet<String>,
+    repeats: u64,
     meshes: u64,
     faults: u64,
 }
@@ -48,6 +53,8 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
             sink,
             place: LayerPlace::new(layer),
             visited: HashSet::new(),
+            geometries: HashSet::new(),
+            repeats: 0,
             meshes: 0,
             faults: 0,
         }
@@ -102,6 +109,7 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
             return Ok(true);
         }
         let Some(mesh) = &node.mesh else { return Ok(false) };
+        self.count_geometry(&mesh.geometry)?;
         match self.geometry(mesh) {
             Ok(geometry) => has_mesh = self.add_node(id, &node, mesh, geometry)?,
             Err(what) => self.skip("node cannot be read", format!("node {id}: {what}"))?,
@@ -117,6 +125,20 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         if self.faults > MAX_FAULTS.max(10 * self.meshes) {
             let what = format!("{} nodes cannot be read", self.faults);
             return Err(InputError::damaged(self.resources.files.input.label, "nodes", what));
+        }
+        Ok(())
+    }
+
+    /// Notes a geometry, which one node has. Fails if too many have that of another.
+    fn count_geometry(&mut self, geometry: &GeometrySource) -> Result<(), InputError> {
+        let (GeometrySource::Schema { path } | GeometrySource::Defined { folder: path, .. }) = geometry;
+        if !self.geometries.insert(path.clone()) {
+            self.repeats += 1;
+        }
+        if self.repeats > MAX_REPEATS {
+            let label = self.resources.files.input.label.to_owned();
+            let what = format!("the number of nodes that share a geometry such as {path}");
+            return Err(InputError::TooLarge { path: label, what, limit: MAX_REPEATS });
         }
         Ok(())
     }

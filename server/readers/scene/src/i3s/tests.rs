@@ -114,6 +114,29 @@ fn finest_nodes_are_read_with_attributes_materials_and_places() {
 }
 
 #[test]
+fn nodes_that_share_a_geometry_are_few() {
+    let folder = tempfile::tempdir().unwrap();
+    write_layer(folder.path());
+    let mut layer = layer();
+    layer["nodePages"]["nodesPerPage"] = 4096.into();
+    write(folder.path(), "3dSceneLayer.json", layer.to_string().as_bytes());
+    let read = |count: u32| {
+        let children: Vec<u32> = (1..=count).collect();
+        let mut nodes = vec![node(&children, None)];
+        nodes.extend((0..count).map(|_| node(&[], Some(5))));
+        write(folder.path(), "nodepages/0.json", json!({"nodes": nodes}).to_string().as_bytes());
+        read_at(folder.path(), "3dSceneLayer.json", None)
+    };
+    let (sink, result) = read(1001);
+    assert!(result.is_ok() && sink.objects.len() == 2002, "{result:?}");
+    let (_, result) = read(1002);
+    assert!(
+        matches!(&result, Err(InputError::TooLarge { limit: 1000, what, .. }) if what.contains("nodes/5")),
+        "{result:?}"
+    );
+}
+
+#[test]
 fn nodes_outside_of_the_wanted_part_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     write_layer(folder.path());

@@ -25,6 +25,8 @@ const MAX_TILESET_DEPTH: usize = 64;
 /// External tilesets, subtrees and contents of implicit tiles may be read again this often, all together: they differ from
 /// tile to tile, and a small file that names itself again would be read without end.
 const MAX_REPEATS: u64 = 1000;
+/// Explicit tiles may share contents, as those of trees do, but not for more bytes in all than this many times what one file may have.
+const REPEATED_SIZES: u64 = 4;
 /// Names that are kept to find such files; further ones count as new.
 const MAX_SEEN: usize = 1 << 20;
 /// As many tiles does an external tileset count, because it costs as much time.
@@ -98,6 +100,9 @@ pub(super) struct TileReader<'a, 's> {
     /// Names of external tilesets, and of subtrees and contents of implicit tiles.
     seen: HashSet<String>,
     repeats: u64,
+    /// Contents of all tiles, and the bytes of those that were read again.
+    contents_seen: HashSet<String>,
+    repeated_bytes: u64,
     /// Names of the tilesets that are open, from the root.
     open: Vec<String>,
 }
@@ -106,8 +111,22 @@ impl<'a, 's> TileReader<'a, 's> {
     pub(super) fn new(files: TileFiles<'a>, sink: &'s mut dyn ObjectSink) -> Self {
         let (place, copyrights, shared_scene) = (None, BTreeSet::new(), None);
         let (tiles, contents, faults, repeats) = (0, 0, 0, 0);
-        let (seen, open) = (HashSet::new(), Vec::new());
-        Self { files, sink, place, copyrights, shared_scene, tiles, contents, faults, seen, repeats, open }
+        let (seen, contents_seen, repeated_bytes, open) = (HashSet::new(), HashSet::new(), 0, Vec::new());
+        Self {
+            files,
+            sink,
+            place,
+            copyrights,
+            shared_scene,
+            tiles,
+            contents,
+            faults,
+            seen,
+            repeats,
+            contents_seen,
+            repeated_bytes,
+            open,
+        }
     }
 
     /// Reads a tileset and everything below. Returns whether it has contents. Fails only if the whole run must end; a
@@ -213,6 +232,22 @@ impl<'a, 's> TileReader<'a, 's> {
         Ok(())
     }
 
+    /// Notes a content and its bytes. Fails if those that are read again have too many.
+    fn count_content(&mut self, name: &str, bytes: u64) -> Result<(), InputError> {
+        if self.contents_seen.contains(name) {
+            self.repeated_bytes = self.repeated_bytes.saturating_add(bytes);
+        } else if self.contents_seen.len() < MAX_SEEN {
+            self.contents_seen.insert(name.to_owned());
+        }
+        let limit = self.files.input.max_bytes.saturating_mul(REPEATED_SIZES);
+        if self.repeated_bytes > limit {
+            let path = self.files.input.label.to_owned();
+            let what = format!("the bytes of contents that tiles share, such as {name}");
+            return Err(InputError::TooLarge { path, what, limit });
+        }
+        Ok(())
+    }
+
     /// Reads a content, which may be an external tileset. Returns whether it has objects. Fails only if the run must end.
     pub(super) fn read_content(
         &mut self,
@@ -239,7 +274,11 @@ impl<'a, 's> TileReader<'a, 's> {
             if self.is_tileset(&tile.name) {
                 return self.read_external(&tile.name, own);
             }
-            self.files.read(&tile.name).map_err(|error| error.to_string())
+            let read = self.files.read(&tile.name).map_err(|error| error.to_string());
+            if let Ok(bytes) = &read {
+                self.count_content(&tile.name, bytes.len() as u64)?;
+            }
+            read
         };
         let root = self.open.first().map_or("", |root| uri::folder_of(root));
         tile.kind = kind::kind_of_name(tile.name.strip_prefix(root).unwrap_or(&tile.name));

@@ -330,6 +330,27 @@ fn small_tilesets_that_name_the_same_files_again_are_refused() {
 }
 
 #[test]
+fn contents_that_tiles_share_have_few_bytes_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let glb = glb(0.0, &[0]);
+    std::fs::write(folder.path().join("a.glb"), &glb).unwrap();
+    let read = |tiles: usize| {
+        let tile = json!({"refine": "ADD", "content": {"uri": "a.glb"}});
+        let tileset = json!({"root": {"children": vec![tile; tiles]}}).to_string();
+        std::fs::write(folder.path().join("tileset.json"), tileset).unwrap();
+        let files = TestFiles(folder.path().to_owned());
+        let mut sink = TestSink::default();
+        let name = "tileset.json";
+        let result = super::read(&Input::new(name, name, &files, 8 * glb.len() as u64), &mut sink);
+        (sink.objects.len(), result)
+    };
+    let (objects, result) = read(33);
+    assert!(result.is_ok() && objects == 33, "{objects} {result:?}");
+    let (_, result) = read(34);
+    assert!(matches!(&result, Err(InputError::TooLarge { what, .. }) if what.contains("a.glb")), "{result:?}");
+}
+
+#[test]
 fn tiles_outside_of_the_wanted_part_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let region = |west: f64| json!({"region": [west.to_radians(), 0.8, (west + 1.0).to_radians(), 0.9, 0, 9]});
