@@ -30,6 +30,8 @@ pub const FEW_CORNERS: &str = "ring of fewer than three corners";
 pub const GUESSED: &str = "height guessed";
 /// Note of a value that should be a height, and is none.
 pub const NOT_UNDERSTOOD: &str = "height not understood";
+/// Note of an attribute with several values, of which one is wanted.
+pub const SEVERAL_VALUES: &str = "several values in one attribute, the first counts";
 /// Note of a height by storeys.
 pub const GUESSED_FROM_LEVELS: &str = "height guessed from levels";
 /// Note of a height whose unit is not told.
@@ -111,9 +113,9 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
-    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, ENCODING_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS,
-    ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, MESH_UNIT, MESH_UP,
-    GLTF_UP,
+    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, NO_GROUND_HEIGHT,
+    MISSING_HEIGHTS, ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT,
+    MESH_UNIT, MESH_UP, GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

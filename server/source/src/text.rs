@@ -43,6 +43,25 @@ pub const fn split_words<const N: usize>(text: &'static str) -> [&'static str; N
     words
 }
 
+/// What separates several values in one text, in OpenStreetMap and in tables.
+const SEPARATORS: [char; 3] = [';', '|', '\n'];
+
+/// The values of a text that may have several, as `3;4` has.
+pub fn values_of(text: &str) -> impl Iterator<Item = &str> {
+    text.split(SEPARATORS).map(str::trim).filter(|value| !value.is_empty())
+}
+
+/// The first of them, which counts where one is wanted.
+pub fn first_value(text: &str) -> &str {
+    values_of(text).next().unwrap_or_default()
+}
+
+/// Whether one of them is among known ones.
+pub fn is_one_of(text: &str, known: &[&str]) -> bool {
+    // Most texts have one.
+    known.contains(&text) || text.contains(SEPARATORS) && values_of(text).any(|value| known.contains(&value))
+}
+
 /// How a file begins that is not read as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Start {
@@ -262,6 +281,16 @@ mod tests {
     fn words_are_those_between_blanks() {
         assert_eq!(split_words("a höhe 高さ"), ["a", "höhe", "高さ"]);
         assert_eq!(split_words("a"), ["a"]);
+    }
+
+    #[test]
+    fn a_text_may_have_several_values() {
+        assert_eq!(values_of(" 3; 4|5\n;").collect::<Vec<_>>(), ["3", "4", "5"]);
+        assert_eq!(
+            (first_value("3;4"), first_value("; 4"), first_value(";"), first_value("a b")),
+            ("3", "4", "", "a b")
+        );
+        assert!(is_one_of("a;b", &["b"]) && is_one_of("b", &["b"]) && !is_one_of("ab", &["b"]));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::palette::{BuildingLook, Palette, SurfaceFacts, parse_colour};
 use insula_source::attributes::Attributes;
 use insula_source::report::ColourOrigin;
+use insula_source::text::first_value;
 
 const ROOF: &[&str] = &["roof:colour", "roof:color", "roof_color"];
 const WALL: &[&str] = &["building:colour", "building:color", "colour", "color", "facade_color"];
@@ -66,7 +67,7 @@ pub fn building_colours(
 fn named_colour(attributes: &Attributes, names: &[&str], note: &mut impl FnMut(String)) -> Option<[u8; 3]> {
     names.iter().find_map(|name| {
         let value = attributes.named(name)?;
-        let colour = value.as_str().and_then(|text| parse_colour(text.split(';').next()?));
+        let colour = value.as_str().and_then(|text| parse_colour(first_value(text)));
         if colour.is_none() {
             note(format!("{name} is {value}"));
         }

@@ -1,9 +1,12 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
-use super::height_names::{self, HeightRole, NamedHeight, UnitGuess};
+use super::height_names::{self, FIRST, HeightRole, NamedHeight, UnitGuess};
 use super::lengths::{metres, named_lengths, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::problems::{CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
+use insula_source::problems::{
+    CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, SEVERAL_VALUES, UNIT_GUESSED,
+};
+use insula_source::text::values_of;
 use insula_source::units::{HeightUnit, metres_of};
 use std::ops::RangeInclusive;
 
@@ -59,10 +62,11 @@ impl BuildingHeight {
         let named = height_names::find(attributes, hints.unit.is_some());
         let plain_m = unit_of_top_m(attributes, &named, hints);
         let bases = named_lengths(attributes, BASE, plain_m);
-        let base_m = first_in_range(bases, BASE_RANGE_M, &mut note).map(|(_, base_m)| base_m).or_else(|| {
-            let levels = BASE_LEVEL.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
-            first_in_range(levels, BASE_LEVEL_RANGE, &mut note).map(|(_, levels)| levels * LEVEL_M)
-        });
+        let base_m =
+            first_in_range(attributes, bases, BASE_RANGE_M, &mut note).map(|(_, base_m)| base_m).or_else(|| {
+                let levels = BASE_LEVEL.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
+                first_in_range(attributes, levels, BASE_LEVEL_RANGE, &mut note).map(|(_, levels)| levels * LEVEL_M)
+            });
         if let Some(top_m) = top_m(attributes, &named, hints, &mut note) {
             let base_m = base_m.or_else(|| cut_base_m(attributes, plain_m, top_m, &mut note)).unwrap_or(0.0);
             if base_m < top_m {
@@ -75,9 +79,10 @@ impl BuildingHeight {
         // Storeys in the place of a height are counted, too.
         let told = of_role(&named, HeightRole::Top, 1.0).filter(|(_, value, _)| storeys(value).is_some());
         let levels = of_role(&named, HeightRole::Levels, 1.0).chain(told);
-        if let Some((_, levels)) = first_in_range(levels, LEVELS_RANGE, &mut note) {
+        if let Some((_, levels)) = first_in_range(attributes, levels, LEVELS_RANGE, &mut note) {
             let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
-            let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
+            let roof_levels =
+                first_in_range(attributes, roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
             // Storeys are counted below the roof.
             let roof_levels_m = roof_levels.map(|levels| levels * LEVEL_M).filter(|height_m| *height_m > 0.0);
             let roof_m = roof_height_m(attributes, plain_m).or(roof_levels_m);
@@ -178,7 +183,7 @@ fn top_m(
     });
     let tops = by_hand.into_iter().chain(of_role(named, HeightRole::Top, plain_m));
     let tops = tops.filter(|(_, value, _)| storeys(value).is_none());
-    if let Some((name, top_m)) = first_in_range(tops, TOP_RANGE_M, note) {
+    if let Some((name, top_m)) = first_in_range(attributes, tops, TOP_RANGE_M, note) {
         let known = named.iter().find(|height| height.name == name);
         if let Some(guess) = known.and_then(|height| height.unit_guess) {
             let guess = match guess {
@@ -194,8 +199,9 @@ fn top_m(
         }
         return Some(top_m);
     }
-    let (name, top_m) = first_in_range(of_role(named, HeightRole::Elevation, plain_m), ELEVATION_RANGE_M, note)?;
-    let ground = first_in_range(of_role(named, HeightRole::Ground, plain_m), ELEVATION_RANGE_M, note);
+    let (name, top_m) =
+        first_in_range(attributes, of_role(named, HeightRole::Elevation, plain_m), ELEVATION_RANGE_M, note)?;
+    let ground = first_in_range(attributes, of_role(named, HeightRole::Ground, plain_m), ELEVATION_RANGE_M, note);
     let ground_m = ground.map(|(_, ground_m)| ground_m).or(hints.ground_m);
     if ground_m.is_none() {
         note(NO_GROUND_HEIGHT, &format!("{name} is {top_m}"));
@@ -213,8 +219,9 @@ fn of_role<'n>(
     of_role.map(move |height| (height.name, height.value, height.unit_m.unwrap_or(plain_m)))
 }
 
-/// The first of the values that is a number in the range, with its name. Passes the others to `note`.
+/// The first of the values that is a number in the range, with its name. Passes the others to `note`, and that a value has several numbers.
 fn first_in_range<'v>(
+    attributes: &Attributes,
     values: impl Iterator<Item = (&'v str, &'v AttributeValue, f64)>,
     range: RangeInclusive<f64>,
     note: &mut impl FnMut(&str, &str),
@@ -225,11 +232,28 @@ fn first_in_range<'v>(
             value => storeys(value).or_else(|| metres(value, unit_m)),
         };
         match number.filter(|number| range.contains(number)) {
-            Some(number) => return Some((name, number)),
+            Some(number) => {
+                if let Some(others) = other_value(attributes, name, value) {
+                    note(SEVERAL_VALUES, &format!("{name} is {others}"));
+                }
+                return Some((name, number));
+            }
             None => note(NOT_UNDERSTOOD, &format!("{name} is {value}")),
         }
     }
     None
+}
+
+/// The text of an attribute with several values that differ: `12;15`, or a list of JSON.
+fn other_value(attributes: &Attributes, name: &str, value: &AttributeValue) -> Option<String> {
+    if let Some(list) = name.strip_suffix(FIRST) {
+        let second = attributes.get(&format!("{list}.1")).filter(|second| *second != value)?;
+        return Some(format!("{value};{second}"));
+    }
+    let text = value.as_str()?;
+    let mut values = values_of(text);
+    let first = values.next()?;
+    values.any(|other| other != first).then(|| text.to_owned())
 }
 
 #[cfg(test)]
@@ -270,12 +294,27 @@ mod tests {
             (r#""12 м""#, 12.0),
             (r#""6'4""#, 1.9304),
             (r#""100\"""#, 2.54),
-            (r#""12;15""#, 12.0),
+            (r#""12;12""#, 12.0),
+            ("[12]", 12.0),
             (r#""12,5""#, 12.5),
         ] {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}}}"#));
             assert!(base_m == 0.0 && (top_m - metres).abs() < 1e-9 && notes.is_empty(), "{text}: {top_m} {notes:?}");
         }
+    }
+
+    #[test]
+    fn the_first_of_several_values_counts_and_is_reported() {
+        let several = || SEVERAL_VALUES.to_owned();
+        for text in [r#""12;15""#, r#""12 | 15""#, r#""12 m\n15 m""#, "[12, 15]", r#"["12 m", "15 m"]"#] {
+            assert_eq!(height(&format!(r#"{{"height": {text}}}"#)), (0.0, 12.0, vec![several()]), "{text}");
+        }
+        for text in [r#""3;4""#, "[3, 4]", r#""3 floors; 4 floors""#, r#""R+2;R+3""#] {
+            let notes = vec![several(), GUESSED_FROM_LEVELS.to_owned()];
+            assert_eq!(height(&format!(r#"{{"levels": {text}}}"#)), (0.0, 9.0, notes), "{text}");
+        }
+        let base = r#"{"height": 20, "min_height": "3;5"}"#;
+        assert_eq!(height(base), (3.0, 20.0, vec![several()]));
     }
 
     #[test]

@@ -84,6 +84,8 @@ const LEAST_CUT_KEY: usize = 8;
 const SAYS_NOTHING: &str = "numberof";
 /// End of the name of a number that an object has beside its unit.
 const VALUE: &str = ".value";
+/// End of the name of the first number of a list.
+pub(super) const FIRST: &str = ".0";
 /// Names, or their ends, of attributes that tell a unit.
 const UNIT_WORDS: [&str; 5] = ["unit", "units", "uom", "unitofmeasure", "unitcode"];
 /// Ends of names that tell their unit.
@@ -213,7 +215,7 @@ fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
         let rows = NAMES.iter().flat_map(|(role, names)| names.split_whitespace().map(move |name| (*role, name)));
         rows.enumerate().map(|(rank, (role, name))| (name, (role, rank))).collect()
     });
-    let name = name.strip_suffix(VALUE).unwrap_or(name);
+    let name = [VALUE, FIRST].into_iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
     let key = key(NAMESPACES.iter().find_map(|namespace| name.strip_prefix(namespace)).unwrap_or(name));
     if let Some((role, rank)) = table.get(&*key) {
         return Some((*role, *rank, None));

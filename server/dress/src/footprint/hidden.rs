@@ -4,7 +4,7 @@
 use super::lengths::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
-use insula_source::text::split_words;
+use insula_source::text::{first_value, split_words};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
@@ -65,7 +65,7 @@ const BELOW_BY_LAYER: &[(&str, &[&str])] = &[
 pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>) -> Option<&'static str> {
     let is_building = matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart);
     let is_one_of = |name: &str, values: &[&str]| {
-        tag(name).is_some_and(|value| values.iter().any(|known| value.trim().eq_ignore_ascii_case(known)))
+        tag(name).is_some_and(|value| values.iter().any(|known| first_value(&value).eq_ignore_ascii_case(known)))
     };
     let is_in_tunnel = |name: &&str| tag(name).is_some_and(|value| is_true(&value)) || is_one_of(name, TUNNELS);
     if IS_TUNNEL.iter().any(is_in_tunnel) {

@@ -2,7 +2,7 @@
 
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
-use insula_source::text::split_words;
+use insula_source::text::{is_one_of, split_words};
 
 /// An attribute and its values; without values, all but `no`.
 type Tag = (&'static str, &'static [&'static str]);
@@ -119,7 +119,7 @@ pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
     // In capitals, a name without known values may mean anything else, such as the supply of water.
     let has = |(name, values): &Tag| match values.is_empty() {
         true => attributes.get(name).is_some() && value(name).is_some(),
-        false => value(name).is_some_and(|value| values.contains(&&*value)),
+        false => value(name).is_some_and(|value| is_one_of(&value, values)),
     };
     let found = TAGS.iter().find(|(_, tags)| tags.iter().any(has)).map(|(kind, _)| *kind);
     let is_quay = value("surface").is_some() || value("industrial").is_some();
@@ -187,6 +187,7 @@ mod tests {
         assert_eq!(kind(&[("landuse", "forest")]), Some(FeatureKind::Vegetation));
         assert_eq!(kind(&[("landuse", "residential")]), Some(FeatureKind::LandUse));
         assert_eq!(kind(&[("landuse", "residential"), ("height", "12")]), None, "the use of a building");
+        assert_eq!(kind(&[("natural", "wetland;water")]), Some(FeatureKind::Water), "the most certain one");
         assert_eq!(kind(&[("NATURAL", "Water")]), Some(FeatureKind::Water), "as in a Shapefile");
         assert_eq!(kind(&[("BUILDING", "N"), ("WATER", "City"), ("LANDUSE", "forest")]), Some(FeatureKind::Vegetation));
         assert_eq!(kind(&[("leisure", "marina")]), Some(FeatureKind::Water));

@@ -3,6 +3,7 @@
 use super::height_names::{counts_storeys, unit_after};
 use crate::roof::{self, RoofShape};
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::text::first_value;
 use insula_source::units::{FOOT_M, metres_of};
 
 /// Names, also as Shapefiles cut them.
@@ -54,7 +55,7 @@ pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
 
 /// The number in a text such as `3 floors`, `G+2` or, with an attic, `R+2+C`.
 pub(super) fn storeys(value: &AttributeValue) -> Option<f64> {
-    let text = value.as_str()?.trim();
+    let text = first_value(value.as_str()?);
     if let Some(upper) = text.strip_prefix(GROUND_FLOOR).and_then(|rest| rest.trim_start().strip_prefix('+')) {
         let upper = upper.split('+').next().unwrap_or_default();
         return upper.trim().parse::<f64>().ok().map(|upper| upper + 1.0);
@@ -71,8 +72,7 @@ pub fn length_m(text: &str) -> Option<f64> {
 
 /// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
 fn length_in(text: &str, plain_m: f64) -> Option<f64> {
-    // Of several values the first.
-    let text = text.split(';').next().unwrap_or_default().trim().to_lowercase().replace(',', ".");
+    let text = first_value(text).to_lowercase().replace(',', ".");
     let text = ABOUT.iter().find_map(|about| text.strip_prefix(about)).unwrap_or(&text).trim_start();
     let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
     let (number, unit) = text.split_at(end);

@@ -5,6 +5,7 @@ use crate::paint::shape::Sidewalks;
 use crate::paint::surfacing::Surfacing;
 use AreaClass as A;
 use LineClass as L;
+use insula_source::text::{first_value, is_one_of};
 
 /// How an area is painted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,7 +131,7 @@ pub fn area_look<'t>(tag: impl Fn(&str) -> Option<&'t str>) -> Option<AreaLook> 
 /// How a line with these tags is painted; `None` if it is not. `tag` gives the value of a key.
 pub fn line_look<'t>(tag: impl Fn(&str) -> Option<&'t str>) -> Option<LineLook> {
     let class = find(LINES, &tag)?;
-    let count = |key: &str| tag(key)?.split(';').next()?.trim().parse::<u8>().ok();
+    let count = |key: &str| first_value(tag(key)?).parse::<u8>().ok();
     Some(LineLook {
         class,
         lanes: if class.is_rail() { count("tracks") } else { count("lanes") },
@@ -154,7 +155,7 @@ pub fn is_zebra<'t>(tag: impl Fn(&str) -> Option<&'t str>) -> bool {
 
 fn find<'t, C: Copy>(table: &[(&str, &[&str], C)], tag: &impl Fn(&str) -> Option<&'t str>) -> Option<C> {
     let fits = |(key, values, _): &&(&str, &[&str], C)| {
-        tag(key).is_some_and(|value| if values.is_empty() { value != "no" } else { values.contains(&value) })
+        tag(key).is_some_and(|value| if values.is_empty() { value != "no" } else { is_one_of(value, values) })
     };
     table.iter().find(fits).map(|(_, _, class)| *class)
 }

@@ -6,7 +6,7 @@ use insula_dress::footprint::{
     AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, hidden, length_m,
 };
 use insula_source::object::FeatureKind;
-use insula_source::text::split_words;
+use insula_source::text::{first_value, is_one_of, split_words, values_of};
 use std::borrow::Cow;
 
 /// What an element's geometry is to be.
@@ -141,7 +141,8 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
         ("man_made", PIER_WIDTHS_M, Road),
         ("barrier", HEDGE_WIDTHS_M, Vegetation),
     ] {
-        let of_value = value(tags, key).and_then(|value| widths.iter().find(|(known, _)| *known == value));
+        let of_value = value(tags, key)
+            .and_then(|text| values_of(text).find_map(|value| widths.iter().find(|(known, _)| *known == value)));
         let Some((value, usual_m)) = of_value else { continue };
         if let Some(reason) = reason_to_hide(tags, kind) {
             return Verdict::LeftOut(reason);
@@ -164,9 +165,9 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
 /// The class of what stands upright and is no building; `None` without a height, or if nothing tells it.
 fn structure(tags: Tags<'_>, outline: Outline, has_surface: bool) -> Option<Verdict> {
     value(tags, "height")?;
-    let is_one_of = |key: &str, known: &[&str]| value(tags, key).is_some_and(|value| known.contains(&value));
-    let is_wall = is_one_of("barrier", WALLS);
-    if !is_wall && !is_one_of("man_made", STRUCTURES) {
+    let is_any_of = |key: &str, known: &[&str]| value(tags, key).is_some_and(|value| is_one_of(value, known));
+    let is_wall = is_any_of("barrier", WALLS);
+    if !is_wall && !is_any_of("man_made", STRUCTURES) {
         return None;
     }
     let key = if is_wall { "barrier" } else { "man_made" };
@@ -229,7 +230,7 @@ fn building(tags: Tags<'_>, key: &'static str, value: &str, kind: FeatureKind, o
 fn area(tags: Tags<'_>, outline: Outline) -> Verdict {
     let found = AREAS
         .iter()
-        .find(|(key, values, _)| value(tags, key).is_some_and(|value| values.is_empty() || values.contains(&value)));
+        .find(|(key, values, _)| value(tags, key).is_some_and(|value| values.is_empty() || is_one_of(value, values)));
     let Some(&(key, _, kind)) = found else { return Verdict::Other };
     let kind = if is_quay(tags, key) { LandUse } else { kind };
     let is_line = tags.get("area") == Some("no") || key == "leisure" && tags.get("leisure") == Some("track");
@@ -261,7 +262,7 @@ fn width_m(tags: Tags<'_>, key: &str, value: &str, usual_m: f64) -> f64 {
         return width_m;
     }
     let count = |name: &str| {
-        let count: f64 = tags.get(name)?.split(';').next()?.trim().parse().ok()?;
+        let count: f64 = first_value(tags.get(name)?).parse().ok()?;
         (1.0..=16.0).contains(&count).then_some(count)
     };
     match key {
@@ -311,6 +312,8 @@ mod tests {
             (&[("harbour", "yes"), ("landuse", "industrial")], ClosedWay, LandUse),
             (&[("landuse", "port")], ClosedWay, LandUse),
             (&[("landuse", "grass")], ClosedWay, Vegetation),
+            (&[("landuse", "unknown;grass")], ClosedWay, Vegetation),
+            (&[("natural", "water;wetland")], Multipolygon, Water),
             (&[("leisure", "pitch")], ClosedWay, LandUse),
             (&[("highway", "pedestrian"), ("area", "yes")], ClosedWay, Road),
             (&[("area:highway", "primary")], ClosedWay, Road),
@@ -348,6 +351,9 @@ mod tests {
         assert_eq!(width(&[("highway", "footway"), ("lanes", "4")]), 2.0);
         assert_eq!(width(&[("railway", "tram"), ("tracks", "2")]), 6.6);
         assert_eq!(width(&[("waterway", "river")]), 15.0);
+        // Of several values the first that is known.
+        assert_eq!(width(&[("highway", "footway;cycleway")]), 2.0);
+        assert_eq!(width(&[("highway", "primary"), ("lanes", "4;3")]), 12.0);
         // A roundabout is a line.
         assert_eq!(class(&[("highway", "residential")], Outline::ClosedWay), (Road, Form::Line { width_m: 5.5 }));
     }
