@@ -3,7 +3,8 @@
 //! A sweep along x finds the pairs. The boxes that it has reached and not left are in bins of similar sizes and places: boxes that have
 //! half of their union in common are in the same bin or in neighbouring ones. Each box is compared with a bounded number, so that
 //! the time is O(n log n), however many boxes there are in one place. A pair is
-//! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
+//! one object if both have the same identifier and mostly the same box, or the same footprint and height. Within one source, objects with
+//! the same identifier have about the same height, too: parts of a building may have that of the building. Footprints are
 //! compared as bit masks that one pass over the stored triangles fills. An object is left out for one that is kept: of three in a row of
 //! which only neighbours are alike, the third stays. Objects, pairs and masks are sorted in scratch files, so
 //! that memory does not follow the size of the city.
@@ -58,6 +59,8 @@ pub(super) struct PlacedBox {
 pub(super) struct DuplicateCandidate {
     /// Index of the pending object.
     pub(super) object: usize,
+    /// Number of its source's report.
+    pub(super) source: usize,
     pub(super) bounds: PlacedBox,
     pub(super) id: u64,
     pub(super) parent: Option<u64>,
@@ -198,12 +201,12 @@ fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOpti
         return None;
     }
     let share = common_share(&a.bounds, &b.bounds);
-    let has_same_id = a.id == b.id && share >= SAME_ID_BOX_SHARE;
     let height_m = |bounds: &PlacedBox| bounds.high[2] - bounds.low[2];
     let tolerance_m = height_m(&a.bounds).max(height_m(&b.bounds)) * HEIGHT_TOLERANCE_SHARE;
     let tolerance_m = tolerance_m.clamp(LEAST_HEIGHT_TOLERANCE_M, HEIGHT_TOLERANCE_M);
     let differs = |x: f64, y: f64| (x - y).abs() >= tolerance_m;
     let has_same_height = !differs(a.bounds.low[2], b.bounds.low[2]) && !differs(a.bounds.high[2], b.bounds.high[2]);
+    let has_same_id = a.id == b.id && share >= SAME_ID_BOX_SHARE && (a.source != b.source || has_same_height);
     let is_by_level = option == DuplicateOption::KeepBestLevel;
     let may_differ = is_by_level && a.lod != b.lod;
     if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
@@ -301,8 +304,10 @@ mod tests {
     use insula_scratch::record_sorter::RecordSorter;
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
-        let bounds = PlacedBox { low, high };
-        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, shape_hash: object as u64, is_terrain: false }
+        let (bounds, shape_hash) = (PlacedBox { low, high }, object as u64);
+        // Of one source each.
+        let source = object;
+        DuplicateCandidate { object, source, bounds, id, parent: None, lod: 0.0, shape_hash, is_terrain: false }
     }
 
     fn all_pairs(candidates: &[DuplicateCandidate], option: DuplicateOption) -> Vec<SimilarPair> {
@@ -396,6 +401,12 @@ mod tests {
         assert!(pairs(&[base, terrain]).is_empty());
         let part = DuplicateCandidate { parent: Some(1), ..candidate(1, [0.0; 3], [10.0; 3], 2) };
         assert!(pairs(&[base, part]).is_empty());
+        let upper = candidate(1, [0.0, 0.0, 10.0], [10.0, 10.0, 40.0], 1);
+        assert_eq!(pairs(&[base, upper]), [(0, 1, true)], "of another delivery, whose heights may be others");
+        let stacked = DuplicateCandidate { source: 0, ..upper };
+        assert!(pairs(&[base, stacked]).is_empty(), "parts of one building with its identifier");
+        let again = DuplicateCandidate { source: 0, ..candidate(1, [1.0, 0.0, 0.0], [11.0, 10.0, 10.5], 1) };
+        assert_eq!(pairs(&[base, again]), [(0, 1, true)]);
         let far = candidate(1, [8.0, 0.0, 0.0], [18.0, 10.0, 10.0], 1);
         assert!(pairs(&[base, far]).is_empty(), "the same identifier at another place");
         let lower = DuplicateCandidate { lod: 1.0, ..candidate(1, [0.0; 3], [10.0, 10.0, 6.0], 2) };

@@ -81,6 +81,7 @@ impl PendingObject {
         let bounds = self.place();
         DuplicateCandidate {
             object,
+            source: self.source,
             bounds,
             id: self.id_hash,
             parent: self.relation.parent,

@@ -379,9 +379,11 @@ fn hidden_by(kind: FeatureKind, shape: &Shape, attributes: &Attributes) -> Optio
     }
 }
 
+/// The identifier that attributes tell. Programs fill the column `Id` with 0, which identifies nothing.
 fn id_of(attributes: &Attributes) -> Option<String> {
     let text = |value: &AttributeValue| match value {
-        AttributeValue::Text(text) if text.trim().is_empty() => None,
+        AttributeValue::Text(text) if matches!(text.trim(), "" | "0") => None,
+        AttributeValue::Integer(0) | AttributeValue::Float(0.0) => None,
         AttributeValue::Text(text) => Some(text.trim().to_owned()),
         AttributeValue::Integer(_) => Some(value.to_string()),
         AttributeValue::Float(number) if number.fract() == 0.0 && number.abs() < 1e15 => Some(format!("{number:.0}")),

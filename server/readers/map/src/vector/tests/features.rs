@@ -37,6 +37,13 @@ fn level_polygons_are_plans_and_others_surfaces() {
 }
 
 #[test]
+fn a_column_of_zeros_identifies_nothing() {
+    let lines = [format!("\"{LEVEL}\";0;7"), format!("\"{LEVEL}\";0;8"), format!("\"{LEVEL}\";5;9")];
+    let sink = features("town.csv", "wkt;Id;OBJECTID", &lines.each_ref().map(String::as_str));
+    assert_eq!(sink.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["7", "8", "5"]);
+}
+
+#[test]
 fn sloping_parts_of_a_plan_are_plans() {
     let part = |x: u32| format!("(({x} 0 0,{0} 0 0,{0} 9 2,{x} 9 2,{x} 0 0))", x + 9);
     let lines = [[0, 20], [0, 9]].map(|[a, b]| format!("\"MULTIPOLYGON Z({},{})\";9", part(a), part(b)));
