@@ -181,7 +181,8 @@ fn tokens(upper: &str) -> Result<Crs, CrsError> {
     let mut codes = Vec::new();
     for token in upper.split(is_separator).filter(|token| !token.is_empty()) {
         match token {
-            "EPSG" | "EPSG.XML" | "EPSG0" | "EPSG.IO" => registry = Registry::Epsg,
+            // Databases have the numbers of that registry.
+            "EPSG" | "EPSG.XML" | "EPSG0" | "EPSG.IO" | "SRID" => registry = Registry::Epsg,
             "ESRI" => registry = Registry::Esri,
             "IGNF" => registry = Registry::Ignf,
             "SR-ORG" => registry = Registry::Other,

@@ -67,6 +67,7 @@ fn systems_are_known_by_plain_names() {
         ("ETRS89 / TM35FIN(E,N)", 3067),
         ("WGS 84", 4326),
         ("https://epsg.io/25832", 25832),
+        ("srid:25832", 25832),
     ] {
         assert_eq!(codes(name), (Some(code), None), "{name}");
     }

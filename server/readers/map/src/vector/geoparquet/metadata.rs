@@ -10,6 +10,8 @@ use serde_json::Value;
 
 /// Names of geometry columns of files without metadata, in lower case, the most certain first. Columns of texts have those of CSV.
 const USUAL_NAMES: [&str; 5] = ["geometry", "geom", "wkb_geometry", "wkb", "the_geom"];
+/// Before the key of a system's PROJJSON in the metadata of the file, as the type of geometries of Parquet has it.
+const KEY_OF_SYSTEM: &str = "projjson:";
 /// Columns that a message names.
 const NAMED_COLUMNS: usize = 12;
 /// Names of columns of boxes: `bbox.xmin` and so on, as Overture has.
@@ -137,7 +139,9 @@ fn of_types(metadata: &ParquetMetaData, schema: &Schema) -> Option<GeoColumn> {
             Some(LogicalType::Geography(kind)) => kind.crs.clone(),
             _ => continue,
         };
-        let crs = crs.filter(|text| !text.trim().is_empty());
+        // The text may be that of a key of the file.
+        let by_key = |text: &String| Some(text_of(metadata, text.strip_prefix(KEY_OF_SYSTEM)?)?.to_owned());
+        let crs = crs.map(|text| by_key(&text).unwrap_or(text)).filter(|text| !text.trim().is_empty());
         let crs = crs.map(|text| serde_json::from_str(&text).map_or(text, |json: Value| name_of_projjson(&json)));
         let crs = crs.unwrap_or_else(|| DEGREES.to_owned());
         return Some(named(column.name(), GeometryEncoding::Wkb, Some(crs)));

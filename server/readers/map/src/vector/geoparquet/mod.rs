@@ -161,7 +161,8 @@ impl Source<'_> {
             while let Some(batch) = self.next_batch(group, &mut batches)? {
                 let geometries = GeometryColumn::of(&batch, &self.geo);
                 for row in 0..batch.num_rows() {
-                    if !writer.note(geometries.at(row))? {
+                    let parsed = self.geometry(&geometries, row, writer)?;
+                    if !writer.note(parsed)? {
                         return Ok(());
                     }
                 }
@@ -220,6 +221,21 @@ impl Source<'_> {
         Ok(())
     }
 
+    /// The geometry of a row. Its own system, as databases write it, counts where the file tells none. Fails if positions of it cannot be
+    /// placed.
+    fn geometry(
+        &self,
+        geometries: &GeometryColumn<'_>,
+        row: usize,
+        writer: &mut FeatureWriter<'_>,
+    ) -> Result<Result<Geometry, &'static str>, InputError> {
+        let parsed = geometries.at(row);
+        if let (Ok((_, Some(srid @ 1..))), None) = (&parsed, &self.geo.crs) {
+            writer.set_crs(format!("EPSG:{srid}"))?;
+        }
+        Ok(parsed.map(|(geometry, _)| geometry))
+    }
+
     fn read_batch(&mut self, batch: &RecordBatch, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
         let schema = batch.schema();
         let columns: Vec<(&str, ColumnValues<'_>)> = schema
@@ -231,7 +247,7 @@ impl Source<'_> {
             .collect();
         let geometries = GeometryColumn::of(batch, &self.geo);
         for row in 0..batch.num_rows() {
-            let parsed = geometries.at(row);
+            let parsed = self.geometry(&geometries, row, writer)?;
             if let Ok(geometry) = &parsed
                 && writer.wanted_deg().is_some()
                 && geometry.bounds().is_some_and(|bounds| writer.is_unwanted(bounds))
@@ -280,19 +296,22 @@ impl<'a> GeometryColumn<'a> {
         Self { array, binary, encoding: &geo.encoding }
     }
 
-    /// The geometry of a row. Fails with the reason if it has none.
-    fn at(&self, row: usize) -> Result<Geometry, &'static str> {
+    /// The geometry of a row, and the number of its system if it tells one. Fails with the reason if it has none.
+    fn at(&self, row: usize) -> Result<(Geometry, Option<u32>), &'static str> {
         let array = self.array.filter(|array| !array.is_null(row)).ok_or("no geometry")?;
         let mut geometry = Geometry::default();
-        match (self.encoding, self.binary) {
-            (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry).map(|_| ())?,
+        let srid = match (self.encoding, self.binary) {
+            (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry)?,
             (GeometryEncoding::Text, _) => {
                 let texts = array.as_any().downcast_ref::<StringArray>().ok_or("geometry of unknown type")?;
-                csv::geometry_of(texts.value(row), &mut geometry).map(|_| ())?;
+                csv::geometry_of(texts.value(row), &mut geometry)?
             }
             (GeometryEncoding::Wkb, None) => return Err("geometry of unknown type"),
-            (GeometryEncoding::Nested(kind), _) => native::read(array, row, *kind, &mut geometry)?,
-        }
-        Ok(geometry)
+            (GeometryEncoding::Nested(kind), _) => {
+                native::read(array, row, *kind, &mut geometry)?;
+                None
+            }
+        };
+        Ok((geometry, srid))
     }
 }

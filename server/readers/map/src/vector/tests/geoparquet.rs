@@ -182,6 +182,28 @@ fn systems_and_compressions() {
 }
 
 #[test]
+fn geometries_may_tell_their_own_system() {
+    // As PostGIS has it: a flag in the type, and the number behind it.
+    let mut wkb = polygon_wkb(&plan(500), None);
+    wkb[4] |= 0x20;
+    wkb.splice(5..5, 28992_u32.to_le_bytes()).for_each(drop);
+    let binary: ArrayRef = Arc::new(BinaryArray::from(vec![&wkb[..]]));
+    let text: ArrayRef = Arc::new(StringArray::from(vec!["SRID=28992;POLYGON((500 600,510 600,510 620,500 600))"]));
+    let null = WKB.replace("\"WKB\"", "\"WKB\", \"crs\": null");
+    for (name, column, geo) in [
+        ("geom", &binary, None),
+        ("geometry", &binary, Some(&*null)),
+        ("wkt", &text, None),
+        ("geometry", &binary, Some(WKB)),
+    ] {
+        let bytes = file(vec![(name, Arc::clone(column))], geo, Compression::SNAPPY);
+        let sink = read(read_geoparquet, &[("a.parquet", &bytes)]);
+        let expected = if geo == Some(WKB) { "OGC:CRS84" } else { "EPSG:28992" };
+        assert_eq!((sink.crs[0].name.as_str(), sink.objects.len()), (expected, 1), "{name} {geo:?}");
+    }
+}
+
+#[test]
 fn columns_of_texts_are_geometries() {
     for (name, value) in [
         ("WKT", "POLYGON((500 600, 510 600, 510 620, 500 600))"),
