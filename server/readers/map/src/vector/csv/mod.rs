@@ -242,8 +242,9 @@ pub(super) fn geometry_of(text: &str, geometry: &mut Geometry) -> Result<Option<
         _ if text.trim().is_empty() => Err(NO_GEOMETRY),
         Some(bytes) => wkb::parse(&bytes, geometry),
         None if geojson::looks_like_geometry(text) => {
-            *geometry = geojson::parse_geometry(text)?;
-            Ok(None)
+            let (parsed, code) = geojson::parse_geometry(text)?;
+            *geometry = parsed;
+            Ok(code)
         }
         None => wkt::parse(text, geometry),
     }

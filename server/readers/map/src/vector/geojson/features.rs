@@ -1,7 +1,7 @@
 //! Reads the features of a source one at a time.
 
 use super::geometry::Fault;
-use super::schema::{GeoJsonFeature, GeoJsonGeometry};
+use super::schema::{GeoJsonFeature, name_of};
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Columns;
@@ -32,6 +32,14 @@ enum GeometrySystem {
     Prescribed,
     /// No degrees: that of the city.
     OfCity,
+}
+
+/// The system that a feature itself tells.
+enum OwnSystem {
+    /// Of its `place`, with coordinates in the order of the system's definition.
+    Place(String),
+    /// Of its `geometry`, by a member `crs`.
+    Member(String),
 }
 
 /// Reads the features of a source.
@@ -183,9 +191,12 @@ impl<'a> FeatureReader<'a> {
                 self.set_system(&geometry, &attributes)?;
                 Ok(geometry)
             }
-            Ok((geometry, Some(name))) => {
-                // The coordinates are in the order of the system's definition.
+            Ok((geometry, Some(OwnSystem::Place(name)))) => {
                 self.writer.set_reference(CrsReference::authority(name))?;
+                Ok(geometry)
+            }
+            Ok((geometry, Some(OwnSystem::Member(name)))) => {
+                self.writer.set_crs(name)?;
                 Ok(geometry)
             }
             Err(Fault { reason, detail: None }) => Err(reason),
@@ -198,13 +209,15 @@ impl<'a> FeatureReader<'a> {
         self.writer.add_named(NamedFeature { id, attributes, geometry, columns })
     }
 
-    /// The geometry of a feature, and its system if it is that of the member `place`.
-    fn geometry(&mut self, id: &str, feature: &GeoJsonFeature) -> Result<(Geometry, Option<String>), Fault> {
+    /// The geometry of a feature, and its system if it tells one.
+    fn geometry(&mut self, id: &str, feature: &GeoJsonFeature) -> Result<(Geometry, Option<OwnSystem>), Fault> {
         if let Some(place) = &feature.place {
             let own = place.coord_ref_sys.as_ref().or(feature.coord_ref_sys.as_ref()).and_then(reference_system);
             let system = own.or_else(|| self.place_system());
             match (place.read(), &feature.geometry) {
-                (Ok(geometry), _) => return Ok((geometry, Some(system.unwrap_or_else(|| DEGREES.to_owned())))),
+                (Ok(geometry), _) => {
+                    return Ok((geometry, Some(OwnSystem::Place(system.unwrap_or_else(|| DEGREES.to_owned())))));
+                }
                 (Err(Fault { reason: UNKNOWN_TYPE, .. }), Some(_)) => {
                     let detail = format!("{id}: its \"place\" is a \"{}\", its \"geometry\" is taken", place.kind);
                     self.writer.sink.problem(UNKNOWN_TYPE, detail);
@@ -212,8 +225,10 @@ impl<'a> FeatureReader<'a> {
                 (Err(fault), _) => return Err(fault),
             }
         }
-        let geometry = feature.geometry.as_ref().map(GeoJsonGeometry::read);
-        Ok((geometry.unwrap_or(Err(Fault { reason: "no geometry", detail: None }))?, None))
+        let geometry = feature.geometry.as_ref().ok_or("no geometry")?;
+        let own = geometry.crs.as_ref().or(feature.crs.as_ref()).map_or(Ok(None), name_of);
+        let own = own.map_err(|what| Fault { reason: "coordinate system without a name", detail: Some(what) })?;
+        Ok((geometry.read()?, own.map(OwnSystem::Member)))
     }
 
     /// Sets the system of the member `geometry`. Fails if positions of it cannot be placed.
@@ -261,18 +276,6 @@ fn attributes_of(properties: &Members) -> Attributes {
     let mut attributes = Attributes::default();
     flatten(properties, &mut attributes);
     attributes
-}
-
-/// The name of the system in a `crs` member; `None` for the default. Fails with the reason if it has none.
-fn name_of(crs: &Value) -> Result<Option<String>, String> {
-    match &crs["properties"] {
-        properties if properties["name"].is_string() => {
-            Ok(Some(properties["name"].as_str().unwrap_or_default().to_owned()))
-        }
-        properties if properties["code"].is_number() => Ok(Some(format!("EPSG:{}", properties["code"]))),
-        _ if crs.is_null() => Ok(None),
-        _ => Err("its \"crs\" has no name; remove it, or export as WGS84".to_owned()),
-    }
 }
 
 /// The name of the system in a `coordRefSys` member: a URI, `[EPSG:1234]`, an object with a URI, or a list of a horizontal and

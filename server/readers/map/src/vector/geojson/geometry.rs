@@ -1,8 +1,9 @@
 //! Geometries of GeoJSON and JSON-FG.
 
-use super::schema::GeoJsonGeometry;
+use super::schema::{GeoJsonGeometry, name_of};
 use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, is_same_place};
 use insula_dress::palette::area_vector;
+use insula_place::crs;
 use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
 use insula_source::json::position::JsonPosition;
@@ -17,10 +18,12 @@ pub(in crate::vector) fn looks_like_geometry(text: &str) -> bool {
     text.trim_start().starts_with('{') && text.contains("\"coordinates\"")
 }
 
-/// Reads a geometry that is a text of its own. Fails with the reason for skipping the feature.
-pub(in crate::vector) fn parse_geometry(text: &str) -> Result<Geometry, &'static str> {
+/// Reads a geometry that is a text of its own, and the code of its system if it tells one. Fails with the reason for skipping the feature.
+pub(in crate::vector) fn parse_geometry(text: &str) -> Result<(Geometry, Option<u32>), &'static str> {
     let geometry: GeoJsonGeometry = serde_json::from_str(text).map_err(|_| MALFORMED)?;
-    geometry.read().map_err(|fault| fault.reason)
+    let name = geometry.crs.as_ref().and_then(|crs| name_of(crs).ok().flatten());
+    let code = name.and_then(|name| crs::resolve(&name).ok()?.horizontal.code);
+    Ok((geometry.read().map_err(|fault| fault.reason)?, code))
 }
 
 /// Why a geometry cannot be read.

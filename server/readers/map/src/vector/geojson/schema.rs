@@ -19,6 +19,8 @@ pub(super) struct GeoJsonFeature {
     /// JSON-FG: the system of `place`.
     #[serde(rename = "coordRefSys")]
     pub(super) coord_ref_sys: Option<Value>,
+    /// The system of `geometry`, as before RFC 7946.
+    pub(super) crs: Option<Value>,
 }
 
 #[derive(Deserialize, Default)]
@@ -27,6 +29,8 @@ pub(super) struct GeoJsonGeometry {
     #[serde(rename = "type")]
     pub(super) kind: String,
     pub(super) coordinates: Option<Box<RawValue>>,
+    /// Its system, as databases write it, before that of its feature.
+    pub(super) crs: Option<Value>,
     pub(super) geometries: Vec<GeoJsonGeometry>,
     /// JSON-FG: those of a `MultiPrism`.
     pub(super) prisms: Vec<GeoJsonGeometry>,
@@ -53,5 +57,17 @@ impl GeoJsonFeature {
             MemberValue::Number(number) => Some(number.to_string()),
             _ => None,
         })
+    }
+}
+
+/// The name of the system in a `crs` member; `None` for the default. Fails with the reason if it has none.
+pub(super) fn name_of(crs: &Value) -> Result<Option<String>, String> {
+    match &crs["properties"] {
+        properties if properties["name"].is_string() => {
+            Ok(Some(properties["name"].as_str().unwrap_or_default().to_owned()))
+        }
+        properties if properties["code"].is_number() => Ok(Some(format!("EPSG:{}", properties["code"]))),
+        _ if crs.is_null() => Ok(None),
+        _ => Err("its \"crs\" has no name; remove it, or export as WGS84".to_owned()),
     }
 }

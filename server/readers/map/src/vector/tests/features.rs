@@ -37,6 +37,34 @@ fn level_polygons_are_plans_and_others_surfaces() {
 }
 
 #[test]
+fn geometries_of_json_may_tell_their_own_system() {
+    // As PostGIS has it.
+    let crs = |name: &str| format!(r#""crs": {{"type": "name", "properties": {{"name": "{name}"}}}}"#);
+    let ring = r#""coordinates": [[[500, 600], [510, 600], [510, 620], [500, 600]]]"#;
+    let of_geometry = |name: &str| format!(r#"{{"type": "Polygon", {}, {ring}}}"#, crs(name));
+    let plain = format!(r#"{{"type": "Polygon", {ring}}}"#);
+    let geometry = of_geometry("EPSG:28992");
+    let features = [
+        format!(r#"{{"type": "Feature", "properties": {{}}, "geometry": {geometry}}}"#),
+        format!(
+            r#"{{"type": "Feature", {}, "properties": {{}}, "geometry": {plain}}}"#,
+            crs("urn:ogc:def:crs:EPSG::25832")
+        ),
+    ];
+    let collection = format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, features.join(","));
+    let sink = read(read_geojson, &[("a.geojson", collection.as_bytes())]);
+    let names: Vec<&str> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
+    assert_eq!((names, sink.objects.len()), (vec!["EPSG:28992", "urn:ogc:def:crs:EPSG::25832"], 2));
+    let faulty = format!(r#"{{"type": "Feature", "crs": {{}}, "properties": {{}}, "geometry": {plain}}}"#);
+    let faulty = format!(r#"{{"type": "FeatureCollection", "features": [{faulty}]}}"#);
+    let sink = read(read_geojson, &[("a.geojson", faulty.as_bytes())]);
+    assert_eq!(sink.skipped[0].0, "coordinate system without a name");
+    let cell = of_geometry("urn:ogc:def:crs:EPSG::28992").replace('"', "\"\"");
+    let sink = read(read_csv, &[("a.csv", format!("geom,n\n\"{cell}\",1\n").as_bytes())]);
+    assert_eq!((sink.crs[0].name.as_str(), sink.objects.len()), ("EPSG:28992", 1));
+}
+
+#[test]
 fn a_column_of_zeros_identifies_nothing() {
     let lines = [format!("\"{LEVEL}\";0;7"), format!("\"{LEVEL}\";0;8"), format!("\"{LEVEL}\";5;9")];
     let sink = features("town.csv", "wkt;Id;OBJECTID", &lines.each_ref().map(String::as_str));
