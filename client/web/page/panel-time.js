@@ -3,6 +3,7 @@
 import { element } from './dom.js';
 import { setIcon } from './icons.js';
 import { strings } from './strings.js';
+import { versionSlider } from './version-slider.js';
 import { button, slider } from './widgets.js';
 
 const texts = strings.time;
@@ -17,7 +18,8 @@ const PRESET_DAY = 21;
  * @param {import('./page-context.js').PageContext} page
  * @returns {import('./panels.js').Panel}
  */
-export function timePanel({ city, panels }) {
+export function timePanel(page) {
+  const { city, panels } = page;
   // Until a view is drawn.
   let shown = { year: 2025, day: 172, minute: 990 };
   const change = (values) => {
@@ -66,7 +68,8 @@ export function timePanel({ city, panels }) {
   city.addEventListener('frame', follow);
   city.addEventListener('options', showRunning);
   const days = element('div', { class: 'chips', role: 'group', 'aria-label': texts.days }, ...presets);
-  return { title: texts.title, content: [hour.node, run, date.node, days], opened: follow };
+  const versions = versionSlider(page);
+  return { title: texts.title, content: [hour.node, run, date.node, days, ...(versions ? [versions] : [])], opened: follow };
 }
 
 /** Year, day of the year and minute of a time; `null` without a time. */

@@ -26,6 +26,7 @@ use crate::store::{CityStore, Store};
 use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
 use insula_archive::places::KeptFolder;
 use insula_command_line::output::Outputs;
+use insula_protocol::release::SharedCity;
 use insula_protocol::route::{THUMBNAIL_FILE, without_secrets};
 use insula_protocol::text::{count, human_bytes};
 use std::sync::Arc;
@@ -48,6 +49,7 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     let brand = brand(args)?;
     let store = Store::open(&args.cities)?;
     let cities: Vec<&Arc<CityStore>> = store.cities().collect();
+    check_shared(&store)?;
     let mut outputs = Outputs::default().reading(cities.iter().filter_map(|city| city.folder()));
     // What of a site is replaced, its list of files says.
     outputs.folder(&args.out, Some(KeptFolder::Site), |_| true).map_err(CommandError::Usage)?;
@@ -59,7 +61,9 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
             write_tileset(&mut site, city)?;
         }
         let has_proposals = write_proposals(&mut site, city, &brand)?;
-        let links = CityLinks { has_proposals, ..in_city_folder(city, args, cities.len()) };
+        let manifests = cities.iter().map(|city| city.manifest());
+        let versions = page::versions_of(city.manifest(), manifests, |name| format!("../{name}/"));
+        let links = CityLinks { has_proposals, versions, ..in_city_folder(city, args, cities.len()) };
         let html = page::city_page(CityFacts::of(city), &links, viewer, &brand);
         site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
     }
@@ -88,6 +92,21 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     );
     let facts = serde_json::json!({ "out": args.out.display().to_string(), "files": files, "bytes": bytes });
     print_result(args.json, &facts, &text);
+    Ok(())
+}
+
+/// Fails if a city has tiles in one that is not published.
+fn check_shared(store: &Store) -> Result<(), CommandError> {
+    for city in store.cities() {
+        let is_there = |shared: &SharedCity| {
+            store.city(&shared.name).is_some_and(|found| found.manifest().version == shared.version)
+        };
+        if let Some(missing) = city.manifest().shared().iter().find(|shared| !is_there(shared)) {
+            let (name, other) = (&city.manifest().name, &missing.name);
+            let reason = format!("the city {name} shares tiles with the city {other}; name the folder of {other}, too");
+            return Err(CommandError::Usage(reason));
+        }
+    }
     Ok(())
 }
 

@@ -61,6 +61,11 @@ struct CityListEntry<'a> {
     /// Size of all archives.
     bytes: u64,
     attribution: &'a [Attribution],
+    /// Of which city it is a version, and of which day.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    version_of: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    date: Option<&'a str>,
 }
 
 impl CityDocuments {
@@ -151,5 +156,7 @@ fn list_entry(city: &CityStore) -> CityListEntry<'_> {
         nodes: manifest.counts.nodes_per_level.iter().sum(),
         bytes: city.file_bytes(),
         attribution: &manifest.attribution,
+        version_of: manifest.release.as_ref().map(|release| release.of.as_str()),
+        date: manifest.release.as_ref().map(|release| release.date.as_str()),
     }
 }

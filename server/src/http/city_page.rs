@@ -7,12 +7,13 @@ use super::representation::Representation;
 use super::state::AppState;
 use super::tile::find_city;
 use super::wrong_address;
-use crate::page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER};
+use crate::page::{self, CityFacts, CityInList, CityLinks, CityListPage, CityVersion, NO_VIEWER};
 use crate::store::CityStore;
 use axum::extract::State;
-use axum::http::HeaderValue;
 use axum::http::request::Parts;
+use axum::http::{HeaderValue, Uri};
 use axum::response::Response;
+use insula_protocol::Manifest;
 use insula_protocol::route::{self, Route, RouteTemplate};
 use std::sync::Arc;
 use tokio::task::spawn_blocking;
@@ -58,6 +59,7 @@ pub(super) fn respond_with_city(state: &AppState, city: &CityStore, access: City
         list: Some(relative(&root, "/")),
         rules: rules(state, access),
         has_proposals: has_proposals(state, city, access),
+        versions: versions(state, city, is_public, &request.uri),
         ..links(state, city, is_public, request)
     };
     let (html, policy) = match &state.viewer {
@@ -71,6 +73,20 @@ pub(super) fn respond_with_city(state: &AppState, city: &CityStore, access: City
     };
     let vary = state.viewer.is_none().then_some(HeaderValue::from_static("accept-language"));
     respond(html, policy, is_public, vary, request)
+}
+
+/// The versions of the city that anybody may see, and itself, with the share link of the request if the city needs one.
+fn versions(state: &AppState, city: &CityStore, is_public: bool, uri: &Uri) -> Vec<CityVersion> {
+    let catalog = state.catalog();
+    let (own, root) = (city.manifest(), relative_root(uri));
+    let is_shown = |other: &&Manifest| other.name == own.name || catalog.access.is_public(&other.name);
+    let query = if is_public { None } else { share_query(uri) }.unwrap_or_default();
+    let page = |name: &str| {
+        let address = relative(&root, &route::city_page(name));
+        if name == own.name { address + &query } else { address }
+    };
+    let all = catalog.store().cities().map(|city| city.manifest()).filter(is_shown);
+    page::versions_of(own, all, page)
 }
 
 /// Whether the page may show proposals.
@@ -114,6 +130,7 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, request
         is_public,
         rules: Vec::new(),
         has_proposals: false,
+        versions: Vec::new(),
         meta_policy: None,
     }
 }

@@ -6,6 +6,7 @@
 use super::about::{description, push_about};
 use super::html::{escape_html, script_json};
 use super::texts::SiteTexts;
+use super::versions::versions_text;
 use super::{Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets};
 use insula_protocol::route::THUMBNAIL_PX;
 use std::fmt::Write;
@@ -41,6 +42,10 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
     }
     if links.has_proposals {
         out.push_str("<meta name=\"insula-proposals\" content=\"yes\">");
+    }
+    if !links.versions.is_empty() {
+        let text = escape_html(&versions_text(&links.versions));
+        let _ = write!(out, "<meta name=\"insula-versions\" content=\"{text}\">");
     }
     push_previews(&mut out, city, links, brand.title());
     push_assets(&mut out, &links.root, assets);

@@ -102,7 +102,8 @@ impl<'a> CityListPage<'a> {
         }
         let extent = texts.extent(extent_m(city.facts));
         let size = texts.size(&manifest.counts);
-        let _ = write!(self.out, "<h2>{link}{title}{end}</h2><p>{extent} \u{b7} {size}</p>");
+        let date = manifest.release.as_ref().map(|release| escape_html(&release.date) + " \u{b7} ").unwrap_or_default();
+        let _ = write!(self.out, "<h2>{link}{title}{end}</h2><p>{date}{extent} \u{b7} {size}</p>");
         if !manifest.attribution.is_empty() {
             let sources: Vec<_> = manifest.attribution.iter().map(credit).collect();
             let _ = write!(self.out, "<p class=\"sources\">{}</p>", sources.join("; "));

@@ -10,6 +10,7 @@ mod html;
 mod list_page;
 mod policy;
 mod texts;
+mod versions;
 
 use crate::store::CityStore;
 pub(crate) use about::description;
@@ -22,6 +23,7 @@ use insula_protocol::Manifest;
 pub(crate) use list_page::{CityInList, CityListPage};
 pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
 pub(crate) use texts::{Languages, SiteTexts};
+pub(crate) use versions::{CityVersion, versions_of};
 
 /// Says how to get the viewer, on the pages of a server that was built without it.
 pub(crate) const NO_VIEWER: &str =
@@ -68,6 +70,8 @@ pub(crate) struct CityLinks {
     pub(crate) rules: Vec<&'static str>,
     /// Whether there are proposals for the city.
     pub(crate) has_proposals: bool,
+    /// The versions of the city in time, itself among them; empty if there is no other.
+    pub(crate) versions: Vec<CityVersion>,
     /// Content-Security-Policy, if no header can have it.
     pub(crate) meta_policy: Option<String>,
 }

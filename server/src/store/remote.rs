@@ -10,10 +10,13 @@ use super::same_host::SameHostConnector;
 use super::search::SearchFile;
 use insula_archive::block_cache::BlockCache;
 use insula_archive::city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, parse_manifest};
+use insula_archive::joined::joined;
 use insula_archive::limits::MAX_OPENING_TIME;
+use insula_archive::mark::mark_of;
 use insula_archive::{Archive, BakedCity, CityArchives, CityError, ReadError};
-use insula_protocol::TileKind;
+use insula_protocol::release::SharedCity;
 use insula_protocol::route::without_secrets;
+use insula_protocol::{Manifest, TileKind};
 use object_store::aws::AmazonS3Builder;
 use object_store::http::HttpBuilder;
 use object_store::path::Path;
@@ -83,7 +86,7 @@ impl RemoteCity {
             return Ok(None);
         }
         let manifest = parse_manifest(&text).map_err(wrong)?;
-        let archive = |kind| self.archive(&manifest.version, kind);
+        let archive = |kind| self.archive(&manifest, kind);
         let missing = |kind: TileKind| StoreError::Remote {
             url: format!("{}/{}", self.url, kind.file_name()),
             reason: "there is no such file".into(),
@@ -127,11 +130,30 @@ impl RemoteCity {
         Ok(Some(RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id }))
     }
 
-    /// Opens one archive. `None` if there is no such file.
-    async fn archive(&self, version: &str, kind: TileKind) -> Result<Option<Archive>, StoreError> {
-        let location = format!("{}/{}", self.url, kind.file_name());
-        let Some(object) = self.object(version, kind.file_name(), kind.is_required()).await? else { return Ok(None) };
-        let source = self.cache.source(Arc::new(object));
+    /// The city of this name in the same folder.
+    fn beside(&self, name: &str) -> Self {
+        let folder = self.folder.parent().unwrap_or(Path::ROOT).join(name);
+        let parent = self.url.rsplit_once('/').map_or("", |(parent, _)| parent);
+        Self { url: format!("{parent}/{name}"), folder, ..self.clone() }
+    }
+
+    /// Opens one archive, with those of the cities with which it shares tiles. `None` if there is no such file.
+    async fn archive(&self, manifest: &Manifest, kind: TileKind) -> Result<Option<Archive>, StoreError> {
+        let (location, file) = (format!("{}/{}", self.url, kind.file_name()), kind.file_name());
+        let Some(object) = self.object(&manifest.version, file, kind.is_required()).await? else { return Ok(None) };
+        let mut shared = Vec::new();
+        for SharedCity { name, version } in manifest.shared() {
+            let other = self.beside(name);
+            let Some(object) = other.object(version, file, kind.is_required()).await? else {
+                if kind.is_required() {
+                    let reason = format!("there is no such file, and {} has tiles in it", self.url);
+                    return Err(StoreError::Remote { url: format!("{}/{file}", other.url), reason });
+                }
+                break;
+            };
+            shared.push((self.cache.source(Arc::new(object)), mark_of(version)));
+        }
+        let source = joined(self.cache.source(Arc::new(object)), &mut shared.into_iter());
         // Directories are parsed on a thread of their own, because this one may accept connections.
         let (runtime, deadline) = (Handle::current(), Instant::now() + MAX_OPENING_TIME);
         let load = move || runtime.block_on(Archive::load(source, Some(deadline)));

@@ -5,9 +5,12 @@ use bytes::Bytes;
 use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
 use insula_archive::file::open_regular;
 use insula_archive::file_source::FileSource;
+use insula_archive::joined::joined;
+use insula_archive::mark::mark_of;
 use insula_archive::{RangeRead, RangeSource, ReadError, SharedSource};
 use insula_objects::search::SearchIndex;
 use insula_protocol::manifest::CityMarks;
+use insula_protocol::release::SharedCity;
 use insula_protocol::{Manifest, TileKind};
 use insula_viewer::source::archive::{ArchivedCity, open_index, to_read_error};
 use insula_viewer::source::{FetchError, TileSource};
@@ -28,8 +31,13 @@ struct FolderArchive {
 
 /// The city in `folder`, in the version of its manifest.
 pub fn open(folder: &Path, manifest: &Manifest, http: &Arc<Http>) -> impl TileSource + 'static {
-    let archive = |kind: TileKind| -> SharedSource {
+    let file = |folder: &Path, kind: TileKind| -> SharedSource {
         Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
+    };
+    let beside = folder.join("..");
+    let archive = |kind: TileKind| {
+        let other = |city: &SharedCity| (file(&beside.join(&city.name), kind), mark_of(&city.version));
+        joined(file(folder, kind), &mut manifest.shared().iter().map(other))
     };
     let (marks, file, index_http) = (manifest.marks, folder.join(SEARCH_FILE), Arc::clone(http));
     ArchivedCity::new(folder.display().to_string(), manifest, archive, move || {

@@ -5,7 +5,10 @@ use super::{RangeResponse, TileSource, Transport};
 use crate::source::FetchError;
 use bytes::Bytes;
 use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
+use insula_archive::joined::joined;
+use insula_archive::mark::mark_of;
 use insula_archive::{RangeRead, RangeSource, ReadError, SharedSource};
+use insula_protocol::release::SharedCity;
 use insula_protocol::{Manifest, TileKind};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -22,10 +25,18 @@ struct WebArchive {
 /// The city at `base`, an address without a slash at its end, in the version of its manifest.
 pub fn open(base: &str, manifest: &Manifest, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
     let (version, marks) = (&manifest.version, manifest.marks);
-    let archive = |kind: TileKind| -> SharedSource {
+    let file = |folder: &str, version: &str, kind: TileKind| -> SharedSource {
         // The version keeps caches on the way from answering with files of another bake.
-        let url = format!("{base}/{}?v={version}", kind.file_name());
+        let url = format!("{folder}/{}?v={version}", kind.file_name());
         Arc::new(WebArchive { url, http: http.clone(), first: Arc::default() })
+    };
+    let parent = base.rsplit_once('/').map_or("", |(parent, _)| parent);
+    let archive = |kind: TileKind| {
+        let mut shared = manifest
+            .shared()
+            .iter()
+            .map(|SharedCity { name, version }| (file(&format!("{parent}/{name}"), version, kind), mark_of(version)));
+        joined(file(base, version, kind), &mut shared)
     };
     let (url, index_http) = (format!("{base}/{SEARCH_FILE}?v={version}"), http.clone());
     ArchivedCity::new(base.to_owned(), manifest, archive, move || {
