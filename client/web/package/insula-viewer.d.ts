@@ -118,6 +118,8 @@ export interface Manifest {
   attribution: Attribution[];
   /** `null` if the bake does not know the coordinate system. */
   location?: GeoLocation | null;
+  /** Of which day the city is, and the name that all its versions have in common. */
+  release?: { of: string; date: string } | null;
   [other: string]: unknown;
 }
 

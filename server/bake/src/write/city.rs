@@ -341,6 +341,8 @@ fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifes
     let CityInput { config, grid, facts, read, tree, .. } = input;
     // What names a publisher is no place.
     let is_place = |title: &&String| !is_publisher(title);
+    let of_base = || config.base.as_ref().map(|base| base.manifest.title.clone());
+    let known_title = config.options.title.clone().or_else(of_base);
     let source_title = || read.sources.iter().flat_map(|source| &source.titles).find(is_place).cloned();
     let per_level = |f: fn(&[StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
     let (crs, focus) = (facts.crs.clone().or_else(|| read.crs.clone()), focus(input, standing));
@@ -348,7 +350,7 @@ fn build_manifest(input: &CityInput<'_>, standing: Option<&Standing>) -> Manifes
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
-        title: config.options.title.clone().or_else(source_title).unwrap_or_else(|| config.place.clone()),
+        title: known_title.or_else(source_title).unwrap_or_else(|| config.place.clone()),
         version: String::new(),
         crs,
         origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),
