@@ -1,7 +1,9 @@
 //! A city without a server: from its folder, from plain web hosts with faults, and from the disk cache.
 
 use anyhow::{Result, ensure};
+use insula_archive::city::read_manifest;
 use insula_archive::disk_cache::DiskCache;
+use insula_bake::BakeOptions;
 use insula_client::args::GlobalArgs;
 use insula_client::commands::connect::connect;
 use insula_client::commands::headless;
@@ -16,6 +18,7 @@ use insula_server::store::Store;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_test_support::faulty_host::{FaultyHost, HostFaults};
 use insula_test_support::programs::{program, run};
+use insula_tests::fixtures::write_city_json;
 use insula_tests::synth::{City, Viewpoint};
 use insula_tests::tests;
 use insula_tests::trials::Trials;
@@ -24,6 +27,7 @@ use insula_viewer::camera::Camera;
 use insula_viewer::frame::RenderSettings;
 use insula_viewer::scene::SceneTree;
 use insula_viewer::streamer::FrameRequest;
+use serde_json::Value;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -35,6 +39,7 @@ use tempfile::TempDir;
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         a_folder_and_plain_hosts_give_the_same_frame,
+        a_version_of_a_city_gives_the_frame_of_a_whole_bake,
         a_share_link_opens_a_private_city,
         unsuitable_hosts_are_errors_of_one_line,
         a_visited_city_needs_no_network
@@ -97,6 +102,42 @@ fn a_folder_and_plain_hosts_give_the_same_frame() -> Result<()> {
         let max_requests = report.tiles.blockmaps * 2 + report.tiles.subtrees + 8;
         ensure!(truncates || report.requests <= max_requests, "{} requests for {:?}", report.requests, report.tiles);
     }
+    Ok(())
+}
+
+/// A version has one house of its own, and the other tiles in another folder, on this machine or on a plain host.
+fn a_version_of_a_city_gives_the_frame_of_a_whole_bake() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let path = |name: &str| folder.path().join(name);
+    let input = write_city_json(folder.path(), 6)?;
+    let bake = |name: &str, version_of: Option<&str>| {
+        let (date, version_of) = (Some("2024-01-31".to_owned()), version_of.map(path));
+        let (inputs, out) = (vec![input.clone()], path(name));
+        insula_bake::bake(
+            &BakeOptions { inputs, out, date, version_of, ..BakeOptions::default() },
+            &insula_bake::Silent,
+        )
+    };
+    bake("first", None)?;
+    let mut raised: Value = serde_json::from_slice(&std::fs::read(&input)?)?;
+    for corner in 4..8_usize {
+        raised["vertices"][corner][2] = 45_000.into();
+    }
+    std::fs::write(&input, raised.to_string())?;
+    bake("later", Some("first"))?;
+    bake("whole", None)?;
+    let camera = Camera::overview(&read_manifest(&path("whole"))?, 16.0 / 9.0);
+    let request = FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0, switching: None };
+    let frame = |mut session: Session| -> Result<Vec<u32>> {
+        headless::settle(&mut session, &request, PATIENCE)?;
+        Ok(session.draw(&request, &RenderSettings::default())?.colour)
+    };
+    let whole = frame(open(&path("whole"), 256)?)?;
+    ensure!(frame(open(&path("later"), 256)?)? == whole, "the frame from a folder differs");
+    ensure!(frame(open(&path("first"), 256)?)? != whole, "the house is not in the frame");
+    let host = FaultyHost::start(folder.path());
+    let hosted = headless::open_session(format!("{}/later/", host.url()), &options(PATIENCE), None, None, None)?;
+    ensure!(frame(hosted)? == whole, "the frame from a host differs");
     Ok(())
 }
 

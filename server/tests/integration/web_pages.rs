@@ -5,7 +5,9 @@ use crate::test_server::{TestServer, assert_problem, replace_city};
 use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
+use insula_protocol::Manifest;
 use insula_protocol::manifest::Attribution;
+use insula_protocol::release::Release;
 use insula_server::args::PublishArgs;
 use insula_server::commands::publish_site;
 use insula_server::config::ServeConfig;
@@ -418,6 +420,32 @@ fn a_site_of_several_cities_lists_them() {
     publish(&[&cities.join("three")], &site).unwrap();
     assert!(!site.join("cities/two").exists() && site.join("cities/three/index.html").is_file());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing stays beside it");
+}
+
+#[tokio::test]
+async fn pages_and_lists_name_the_versions_of_a_city() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cities, site) = (folder.path().join("cities"), folder.path().join("site"));
+    for (name, date) in [("three", "2024-01-31"), ("two", "2020-01-01"), ("other", "")] {
+        small_city::write_city(&cities.join(name), name);
+        let path = cities.join(name).join("city.json");
+        let mut manifest: Manifest = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        let (of, date, shared) = ("two".to_owned(), date.to_owned(), Vec::new());
+        manifest.release = (name != "other").then_some(Release { of, date, bake_origin: [0.0; 3], shared });
+        fs::write(&path, serde_json::to_vec(&manifest).unwrap()).unwrap();
+    }
+    let service = service(&cities, Some(viewer()));
+    let page = get(&service, "/cities/three", &[]).await.text;
+    let versions = "content=\"2020-01-01 ../cities/two 2024-01-31 ../cities/three\"";
+    assert!(page.contains(&format!("<meta name=\"insula-versions\" {versions}>")), "{page}");
+    assert!(!get(&service, "/cities/other", &[]).await.text.contains("insula-versions"));
+    assert!(get(&service, "/", &[]).await.text.contains("<p>2024-01-31 "));
+    let list: serde_json::Value = serde_json::from_str(&get(&service, "/v1/cities", &[]).await.text).unwrap();
+    let of = |index: usize, name: &str| list[index][name].as_str();
+    assert_eq!([of(1, "version_of"), of(1, "date"), of(0, "date")], [Some("two"), Some("2024-01-31"), None]);
+    publish(&[&cities], &site).unwrap();
+    let page = fs::read_to_string(site.join("cities/two/index.html")).unwrap();
+    assert!(page.contains("content=\"2020-01-01 ../two/ 2024-01-31 ../three/\""), "{page}");
 }
 
 #[test]
