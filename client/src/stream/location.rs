@@ -6,7 +6,7 @@ use insula_protocol::manifest::is_name;
 use insula_protocol::route::{self, CITIES, without_secrets};
 use std::ffi::OsStr;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Where a city, or a server with cities, is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -130,6 +130,7 @@ fn parse_share(query: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
     fn urls_are_servers_or_web_folders() {

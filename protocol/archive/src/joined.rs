@@ -16,7 +16,7 @@ pub const SHARED_AT: u64 = 1 << 40;
 
 /// A file, and the archive whose bytes follow at [`SHARED_AT`].
 #[derive(Debug)]
-pub struct JoinedSource {
+struct JoinedSource {
     own: SharedSource,
     shared: SharedSource,
     /// The mark of the version that the other archive must have ([`crate::mark`]).

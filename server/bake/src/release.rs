@@ -45,7 +45,7 @@ impl BaseCity {
         if found.file_name().is_none_or(|name| name != manifest.name.as_str()) {
             return refuse(format!("the name of its folder is not its own; rename the folder to {}", manifest.name));
         }
-        let Some(beside) = found.parent().filter(|parent| out.parent() == Some(parent)) else {
+        let Some(beside) = found.parent().filter(|parent| out.parent() == Some(*parent)) else {
             return refuse("the new version finds its tiles beside it; give an --out in the same folder".to_owned());
         };
         if manifest.marks.is_none() {
