@@ -2,7 +2,7 @@
 
 use insula_archive::file::read_text;
 use insula_bake::read::EarthPlace;
-use insula_export::selection::Polygon;
+use insula_export::selection::{Polygon, area_around};
 use serde_json::Value;
 use std::path::Path;
 
@@ -44,12 +44,9 @@ pub(crate) fn polygons_in_city(
 }
 
 /// Whether the rectangle around some points has a place in common with a city between two corners.
-fn meets(points: impl Iterator<Item = [f64; 2]> + Clone, city: [[f64; 2]; 2]) -> bool {
-    (0..2).all(|axis| {
-        let along = points.clone().map(|point| point[axis]);
-        let [low, high] = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
-        low <= city[1][axis] && city[0][axis] <= high
-    })
+fn meets(points: impl Iterator<Item = [f64; 2]>, city: [[f64; 2]; 2]) -> bool {
+    let [low, high] = area_around(points);
+    (0..2).all(|axis| low[axis] <= city[1][axis] && city[0][axis] <= high[axis])
 }
 
 /// Brings the points of a file to the map of a city with these bounds: they may be in degrees, or in metres of the city. Fails if their

@@ -8,6 +8,7 @@ use crate::sun::Site;
 use crate::surface::CitySurface;
 use chrono::NaiveDate;
 use glam::DVec3;
+use insula_export::selection::area_around;
 use insula_export::table::csv_cell;
 use rayon::prelude::*;
 use std::io::{self, Write};
@@ -105,10 +106,7 @@ pub fn parse_points(text: &str, on_map: &dyn Fn([f64; 2]) -> Option<[f64; 2]>) -
 /// The rectangle around points, in world metres.
 #[must_use]
 pub fn around(points: &[Point], reach_m: f64) -> [[f64; 2]; 2] {
-    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    let [min, max] = points.iter().fold(nothing, |[min, max], point| {
-        [[0, 1].map(|k| min[k].min(point.place[k])), [0, 1].map(|k| max[k].max(point.place[k]))]
-    });
+    let [min, max] = area_around(points.iter().map(|point| point.place));
     [min.map(|v| v - reach_m), max.map(|v| v + reach_m)]
 }
 

@@ -6,7 +6,7 @@ use crate::surface::{Building, CitySurface, TopKind};
 use crate::walls::WallPoint;
 use glam::DVec2;
 use insula_export::raster::CellExtent;
-use insula_export::selection::{Polygon, SelectedArea};
+use insula_export::selection::{Polygon, SelectedArea, area_around};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
 /// What stands after a proposal, and not before.
@@ -41,7 +41,7 @@ impl CitySurface {
     #[must_use]
     pub fn without(&self, outline: &[[f64; 2]]) -> Self {
         let area = vec![outline.to_vec()];
-        let [low, high] = bounds_of(&area);
+        let [low, high] = area_around(outline.iter().copied());
         let [columns, rows] = self.span(low.map(|v| v - self.cell_m), high.map(|v| v + self.cell_m));
         let cells = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
         let tops = cells.map(|(x, y)| self.top(y * self.size()[0] + x)).filter(|top| top.is_finite());
@@ -136,7 +136,7 @@ impl CitySurface {
 
     /// Indices of the cells with the middle in a polygon.
     fn cells_in(&self, area: &Polygon) -> impl Iterator<Item = usize> {
-        let [low, high] = bounds_of(area);
+        let [low, high] = area_around(area.iter().flatten().copied());
         let [columns, rows] = self.span(low, high);
         let area = SelectedArea::new(vec![area.clone()]);
         let (width, corner, cell_m) = (self.size()[0], self.corner, self.cell_m);
@@ -203,14 +203,6 @@ impl CitySurface {
         }
         changes
     }
-}
-
-/// Lowest and highest corner of a polygon; inverted without any point.
-fn bounds_of(area: &Polygon) -> [[f64; 2]; 2] {
-    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    area.iter().flatten().fold(nothing, |[low, high], point| {
-        [[0, 1].map(|k| low[k].min(point[k])), [0, 1].map(|k| high[k].max(point[k]))]
-    })
 }
 
 /// Whether the same thing is on top of a cell of two surfaces.

@@ -157,17 +157,20 @@ impl ObjectSelection {
     /// inverted if no place is selected.
     #[must_use]
     pub fn area(&self) -> Option<[[f64; 2]; 2]> {
-        let around = self.polygons.as_ref().map(|area| {
-            let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-            area.polygons.iter().flatten().flatten().fold(nothing, |[min, max], point| {
-                [[0, 1].map(|k| min[k].min(point[k])), [0, 1].map(|k| max[k].max(point[k]))]
-            })
-        });
+        let around = self.polygons.as_ref().map(|area| area_around(area.polygons.iter().flatten().flatten().copied()));
         match (self.bbox, around) {
             (Some(a), Some(b)) => Some([[0, 1].map(|k| a[0][k].max(b[0][k])), [0, 1].map(|k| a[1][k].min(b[1][k]))]),
             (area, other) => area.or(other),
         }
     }
+}
+
+/// Lower and upper corner of the rectangle around places; inverted without any.
+#[must_use]
+pub fn area_around(places: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
+    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    places
+        .fold(nothing, |[min, max], place| [[0, 1].map(|k| min[k].min(place[k])), [0, 1].map(|k| max[k].max(place[k]))])
 }
 
 /// The objects of a city that pass a filter, with the parts of those that do. Fails if objects cannot be read.

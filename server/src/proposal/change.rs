@@ -5,7 +5,7 @@ use crate::area_file::read_polygons;
 use insula_analysis::proposal::Addition;
 use insula_analysis::surface::{Building, CitySurface};
 use insula_bake::read::{self, EarthPlace, PlacingOptions, ReadOptions};
-use insula_export::selection::{Polygon, passing};
+use insula_export::selection::{Polygon, area_around, passing};
 use insula_export::source::ExportSource;
 use insula_objects::filter::Filter;
 use insula_protocol::text::printable;
@@ -385,10 +385,7 @@ pub(super) fn name_of(file: &Path) -> String {
 
 /// The rectangle around places; `None` without any.
 fn around(places: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
-    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    let bounds = places.fold(nothing, |[low, high], place| {
-        [[0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k]))]
-    });
+    let bounds = area_around(places);
     (bounds[0][0] <= bounds[1][0]).then_some(bounds)
 }
 

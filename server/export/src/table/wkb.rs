@@ -1,10 +1,10 @@
 //! Polygons as well-known binary and well-known text (OGC 06-103r4, Simple Features).
 
+use crate::selection::Polygon;
+
 /// Type codes of geometries.
 const POLYGON: u32 = 3;
 const MULTI_POLYGON: u32 = 6;
-
-type Polygon = Vec<Vec<[f64; 2]>>;
 
 /// A polygon, or a multipolygon of several; `None` of nothing. Little-endian.
 pub(super) fn well_known_binary(polygons: &[Polygon]) -> Option<Vec<u8>> {
