@@ -55,8 +55,8 @@ impl SiteFolder {
         let lock = claim(&work)?;
         clear(&work, out)?;
         let (new, journal) = (work.join(NEW), work.join(FILES));
-        fs::create_dir(&new).map_err(|error| write_error(&new, &error))?;
-        let journal = File::create_new(&journal).map_err(|error| write_error(&journal, &error))?;
+        fs::create_dir(&new).map_err(|error| CommandError::write(&new, error))?;
+        let journal = File::create_new(&journal).map_err(|error| CommandError::write(&journal, error))?;
         let (files, folders) = (OwnedFiles::default(), BTreeSet::from([new]));
         Ok(Self { out: out.to_owned(), work, files, list_bytes: 0, folders, journal, lock: Some(lock) })
     }
@@ -68,19 +68,19 @@ impl SiteFolder {
             file.write_all(bytes)?;
             file.sync_all()
         });
-        written.map_err(|error| write_error(&path, &error))
+        written.map_err(|error| CommandError::write(&path, error))
     }
 
     /// Gives a file a second name in the site, or copies it where that is not possible.
     pub(super) fn link(&mut self, from: &Path, name: &str) -> Result<(), CommandError> {
         // A link to a symbolic link would be one, too.
-        let from = fs::canonicalize(from).map_err(|error| read_error(from, &error))?;
-        let mark = FileMark::of_file(&from).map_err(|error| read_error(&from, &error))?;
+        let from = fs::canonicalize(from).map_err(|error| CommandError::file(from, error))?;
+        let mark = FileMark::of_file(&from).map_err(|error| CommandError::file(&from, error))?;
         let path = self.place(name, mark)?;
         if fs::hard_link(&from, &path).is_err() {
-            fs::copy(&from, &path).map_err(|error| write_error(&path, &error))?;
+            fs::copy(&from, &path).map_err(|error| CommandError::write(&path, error))?;
         }
-        sync(&path).map_err(|error| write_error(&path, &error))
+        sync(&path).map_err(|error| CommandError::write(&path, error))
     }
 
     /// Length and hash of a file of the site in the making; `None` if it has no such file.
@@ -94,13 +94,13 @@ impl SiteFolder {
         self.list_bytes += line.len() as u64 + LIST_BYTES_OF_FILE;
         if self.list_bytes > MAX_SITE_LIST_BYTES {
             let reason = "a site of so many files could not be told from others again; publish fewer cities, or without --tileset";
-            return Err(refuse(&self.out, reason));
+            return Err(CommandError::file(&self.out, reason));
         }
-        self.journal.write_all(line.as_bytes()).map_err(|error| write_error(&self.work.join(FILES), &error))?;
+        self.journal.write_all(line.as_bytes()).map_err(|error| CommandError::write(self.work.join(FILES), error))?;
         self.files.add(name, mark);
         let path = self.work.join(NEW).join(name);
         if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(|error| write_error(folder, &error))?;
+            fs::create_dir_all(folder).map_err(|error| CommandError::write(folder, error))?;
             let new = self.work.join(NEW);
             self.folders.extend(folder.ancestors().take_while(|folder| folder.starts_with(&new)).map(Path::to_owned));
         }
@@ -114,7 +114,7 @@ impl SiteFolder {
         about["files"] = self.files.to_json();
         self.write(SITE_FILE, format!("{about:#}\n").as_bytes())?;
         let (new, old) = (self.work.join(NEW), self.work.join(OLD));
-        let failed = |error: io::Error| write_error(&self.out, &error);
+        let failed = |error: io::Error| CommandError::write(&self.out, error);
         check_out(&self.out, &self.out, FileComparison::Lengths)?;
         self.folders.iter().for_each(|folder| sync_names(folder));
         let exists = self.out.exists();
@@ -166,8 +166,10 @@ fn sync_names(folder: &Path) {
 
 /// The hidden folder beside a site.
 fn work_folder(out: &Path) -> Result<PathBuf, CommandError> {
-    let absolute = std::path::absolute(out).map_err(|error| write_error(out, &error))?;
-    let Some(name) = absolute.file_name() else { return Err(refuse(out, "it is not the name of a folder")) };
+    let absolute = std::path::absolute(out).map_err(|error| CommandError::write(out, error))?;
+    let Some(name) = absolute.file_name() else {
+        return Err(CommandError::file(out, "it is not the name of a folder"));
+    };
     let mut hidden = OsString::from(".");
     hidden.push(name);
     hidden.push(".publish");
@@ -177,10 +179,10 @@ fn work_folder(out: &Path) -> Result<PathBuf, CommandError> {
 /// Creates the work folder, or checks that an earlier publish did, and locks it. Fails if it has anything else in it.
 fn claim(work: &Path) -> Result<File, CommandError> {
     const FOREIGN: &str = "is not unfinished work of `publish`, which needs the folder that it is in; move it away";
-    let failed = |error: io::Error| write_error(work, &error);
+    let failed = |error: io::Error| CommandError::write(work, error);
     match kind_of(work)? {
         None => fs::create_dir_all(work).map_err(failed)?,
-        Some(kind) if !kind.is_dir() => return Err(refuse(work, FOREIGN)),
+        Some(kind) if !kind.is_dir() => return Err(CommandError::file(work, FOREIGN)),
         Some(_) => {}
     }
     let lock = work.join(LOCK);
@@ -195,16 +197,16 @@ fn claim(work: &Path) -> Result<File, CommandError> {
         let is_known =
             is_own(LOCK) && (is_marked || is_begun) || is_marked && [FILES, NEW, OLD].into_iter().any(is_own);
         if !is_known {
-            return Err(refuse(&entry.path(), FOREIGN));
+            return Err(CommandError::file(entry.path(), FOREIGN));
         }
     }
     let opened = File::options().write(true).create(true).truncate(false).open(&lock);
-    let mut file = opened.map_err(|error| write_error(&lock, &error))?;
+    let mut file = opened.map_err(|error| CommandError::write(&lock, error))?;
     if let Err(fs::TryLockError::WouldBlock) = file.try_lock() {
-        return Err(refuse(work, "another `publish` is writing this site; wait until it has finished"));
+        return Err(CommandError::file(work, "another `publish` is writing this site; wait until it has finished"));
     }
     if !is_marked {
-        file.write_all(MARKER).map_err(|error| write_error(&lock, &error))?;
+        file.write_all(MARKER).map_err(|error| CommandError::write(&lock, error))?;
     }
     Ok(file)
 }
@@ -217,17 +219,18 @@ fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
         // It fails for a folder that is not empty.
         let _ = fs::remove_dir(out);
         if kind_of(out)?.is_none() {
-            fs::rename(&old, out).map_err(|error| write_error(out, &error))?;
+            fs::rename(&old, out).map_err(|error| CommandError::write(out, error))?;
         } else if out.join(SITE_FILE).is_file() {
             check_out(&old, &old, FileComparison::Bytes)?;
             remove_site(&old)?;
         } else {
-            return Err(refuse(&old, "it is the site before, whose place has other files; move these away"));
+            let reason = "it is the site before, whose place has other files; move these away";
+            return Err(CommandError::file(&old, reason));
         }
     }
     if kind_of(&new)?.is_some() {
         let list = read_journal(&journal)?;
-        let failed = |error: io::Error| write_error(&new, &error);
+        let failed = |error: io::Error| CommandError::write(&new, error);
         let kept = list.remove(&new).map_err(failed)?;
         for path in kept {
             let name = path.strip_prefix(&new).unwrap_or(&path).to_string_lossy().replace('\\', "/");
@@ -235,7 +238,7 @@ fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
                 fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() < mark.bytes)
             };
             if !list.get(&name).is_some_and(is_cut) {
-                return Err(refuse(&path, "`publish` did not write it; move it away"));
+                return Err(CommandError::file(&path, "`publish` did not write it; move it away"));
             }
             // It was being written.
             fs::remove_file(&path).map_err(failed)?;
@@ -245,7 +248,7 @@ fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
         }
     }
     match fs::remove_file(&journal) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(write_error(&journal, &error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(CommandError::write(&journal, error)),
         _ => Ok(()),
     }
 }
@@ -255,12 +258,12 @@ fn read_journal(path: &Path) -> Result<OwnedFiles, CommandError> {
     let mut list = OwnedFiles::default();
     let bytes = match read_limited(path, MAX_SITE_LIST_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(list),
-        read => read.map_err(|error| read_error(path, &error))?,
+        read => read.map_err(|error| CommandError::file(path, error))?,
     };
     for line in String::from_utf8_lossy(&bytes).split_inclusive('\n').filter_map(|line| line.strip_suffix('\n')) {
         let parts = line.match_indices(' ').nth(1).map(|(at, _)| line.split_at(at));
         let file = parts.and_then(|(mark, name)| Some((name.get(1..)?, FileMark::parse(mark)?)));
-        let (name, mark) = file.ok_or_else(|| refuse(path, "it is damaged; move the folder away"))?;
+        let (name, mark) = file.ok_or_else(|| CommandError::file(path, "it is damaged; move the folder away"))?;
         list.add(name, mark);
     }
     Ok(list)
@@ -269,10 +272,10 @@ fn read_journal(path: &Path) -> Result<OwnedFiles, CommandError> {
 /// Fails unless `folder` does not exist, is an empty folder, or has the marker of a site and its files alone. Errors name the files as
 /// if they were in `shown`.
 fn check_out(folder: &Path, shown: &Path, comparison: FileComparison) -> Result<(), CommandError> {
-    let failed = |error: io::Error| read_error(shown, &error);
+    let failed = |error: io::Error| CommandError::file(shown, error);
     match kind_of(folder)? {
         None => return Ok(()),
-        Some(kind) if !kind.is_dir() => return Err(refuse(shown, "a file or link with this name exists")),
+        Some(kind) if !kind.is_dir() => return Err(CommandError::file(shown, "a file or link with this name exists")),
         Some(_) => {}
     }
     if fs::read_dir(folder).map_err(failed)?.next().is_none() {
@@ -285,7 +288,7 @@ fn check_out(folder: &Path, shown: &Path, comparison: FileComparison) -> Result<
     let more = if foreign.len() > 1 { format!(" (and {} more)", foreign.len() - 1) } else { String::new() };
     let reason =
         format!("`publish` did not write it as it is{more}, and would remove it; move it away, or give another --out");
-    Err(refuse(&first, &reason))
+    Err(CommandError::file(first, reason))
 }
 
 /// The list in the marker of a site.
@@ -294,21 +297,21 @@ fn site_files(folder: &Path, shown: &Path) -> Result<OwnedFiles, CommandError> {
     let about = text.ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
     let is_site = |about: &Value| about["assets"].is_string() && about["cities"].is_array();
     let Some(about) = about.filter(is_site) else {
-        return Err(refuse(shown, "it is not empty and not a published site; give another --out"));
+        return Err(CommandError::file(shown, "it is not empty and not a published site; give another --out"));
     };
     OwnedFiles::from_json(&about["files"]).ok_or_else(|| {
         let reason = "its list of files is missing or damaged, so that they cannot be told from others; give another --out, or remove it";
-        refuse(&shown.join(SITE_FILE), reason)
+        CommandError::file(shown.join(SITE_FILE), reason)
     })
 }
 
 /// Removes a site that [`check_out`] accepts.
 fn remove_site(folder: &Path) -> Result<(), CommandError> {
-    let failed = |error: io::Error| write_error(folder, &error);
+    let failed = |error: io::Error| CommandError::write(folder, error);
     if fs::read_dir(folder).map_err(failed)?.next().is_some() {
         let kept = site_files(folder, folder)?.remove(folder).map_err(failed)?;
         if let Some(path) = kept.iter().find(|path| **path != folder.join(SITE_FILE)) {
-            return Err(refuse(path, "`publish` did not write it, so it stays; move it away"));
+            return Err(CommandError::file(path, "`publish` did not write it, so it stays; move it away"));
         }
         fs::remove_file(folder.join(SITE_FILE)).map_err(failed)?;
     }
@@ -323,20 +326,8 @@ fn kind_of(path: &Path) -> Result<Option<fs::FileType>, CommandError> {
     match fs::symlink_metadata(path) {
         Ok(found) => Ok(Some(found.file_type())),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(read_error(path, &error)),
+        Err(error) => Err(CommandError::file(path, error)),
     }
-}
-
-fn refuse(path: &Path, reason: &str) -> CommandError {
-    CommandError::file(path, reason)
-}
-
-fn write_error(path: &Path, error: &io::Error) -> CommandError {
-    CommandError::write(path, error)
-}
-
-fn read_error(path: &Path, error: &io::Error) -> CommandError {
-    CommandError::file(path, error)
 }
 
 #[cfg(test)]

@@ -4,16 +4,18 @@ use crate::test_server::{
     PATIENCE, TILE, TestServer, assert_problem, exchange, http2, read_to_end, replace_city, stall,
 };
 use insula_server::config::{LimitsConfig, ServeConfig};
-use insula_server::http::serve;
+use insula_server::http::{ServeError, serve};
 use insula_server::store::Store;
 use insula_test_support::small_city;
 use std::future::pending;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
 #[tokio::test]
@@ -214,18 +216,21 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
     server.stop().await;
 }
 
-/// The embedding interface: `serve` with a future that ends it.
-#[tokio::test]
-async fn shutdown_drops_requests_that_do_not_finish_in_time() {
+/// A server by the embedding interface: `serve` with a future that ends it.
+async fn embedded(config: ServeConfig) -> (SocketAddr, oneshot::Sender<()>, JoinHandle<Result<(), ServeError>>) {
     let store = Store::open(&[small_city::shared_city()]).unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();
-    let config = ServeConfig { drain_secs: 1, ..ServeConfig::default() };
     let shutdown = async {
         let _ = stopped.await;
     };
-    let server = tokio::spawn(async move { serve(listener, store, &config, shutdown).await });
+    (address, stop, tokio::spawn(async move { serve(listener, store, &config, shutdown).await }))
+}
+
+#[tokio::test]
+async fn shutdown_drops_requests_that_do_not_finish_in_time() {
+    let (address, stop, server) = embedded(ServeConfig { drain_secs: 1, ..ServeConfig::default() }).await;
     let mut client = TcpStream::connect(address).await.unwrap();
     assert!(exchange(&mut client, "GET /v1/cities HTTP/1.0\r\n\r\n").await.contains("\"two\""));
     let mut half_request = TcpStream::connect(address).await.unwrap();
@@ -245,16 +250,8 @@ async fn shutdown_drops_requests_that_do_not_finish_in_time() {
 /// Load balancers learn from `/readyz` that the server goes before it refuses what they send.
 #[tokio::test]
 async fn a_server_that_goes_still_accepts_connections() {
-    let store = Store::open(&[small_city::shared_city()]).unwrap();
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let (stop, stopped) = oneshot::channel::<()>();
     // So long that it does not end during the test.
-    let config = ServeConfig { drain_notice_secs: 3600, ..ServeConfig::default() };
-    let shutdown = async {
-        let _ = stopped.await;
-    };
-    let server = tokio::spawn(async move { serve(listener, store, &config, shutdown).await });
+    let (address, stop, server) = embedded(ServeConfig { drain_notice_secs: 3600, ..ServeConfig::default() }).await;
     let get = async |path: &str| {
         let mut client = TcpStream::connect(address).await.unwrap();
         exchange(&mut client, &format!("GET {path} HTTP/1.0\r\n\r\n")).await
