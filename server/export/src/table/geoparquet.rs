@@ -4,11 +4,8 @@
 
 use super::record::{Field, Record};
 use super::{ExportError, RecordWriter, TableSetup, projjson, wkb};
-use arrow_array::builder::{
-    ArrayBuilder, BinaryBuilder, BooleanBuilder, Date32Builder, Float64Builder, Int64Builder, StringBuilder,
-    StructBuilder,
-};
-use arrow_array::{ArrayRef, RecordBatch};
+use arrow_array::builder::{ArrayBuilder, BinaryBuilder, Float64Builder, StructBuilder};
+use arrow_array::{ArrayRef, BooleanArray, Date32Array, Float64Array, Int64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field as ArrowField, Fields, Schema, SchemaRef};
 use insula_objects::{Value, ValueType};
 use parquet::arrow::ArrowWriter;
@@ -16,6 +13,7 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use serde_json::json;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -35,19 +33,11 @@ pub(super) struct Writer<'a> {
     rows: ArrowWriter<BufWriter<File>>,
     schema: SchemaRef,
     fields: &'a [Field],
-    columns: Vec<ColumnBuilder>,
+    /// Of each column, the values of the rows that are collected.
+    columns: Vec<Vec<Option<Value>>>,
     geometry: BinaryBuilder,
     boxes: StructBuilder,
     path: PathBuf,
-}
-
-/// A column of one type.
-enum ColumnBuilder {
-    Text(StringBuilder),
-    Integer(Int64Builder),
-    Float(Float64Builder),
-    Bool(BooleanBuilder),
-    Date(Date32Builder),
 }
 
 impl<'a> Writer<'a> {
@@ -69,7 +59,7 @@ impl<'a> Writer<'a> {
             rows,
             schema,
             fields: setup.fields,
-            columns: setup.fields.iter().map(ColumnBuilder::new).collect(),
+            columns: vec![Vec::new(); setup.fields.len()],
             geometry: BinaryBuilder::new(),
             boxes: StructBuilder::from_fields(box_fields(), 0),
             path: setup.path.to_owned(),
@@ -87,7 +77,9 @@ impl<'a> Writer<'a> {
 
     /// Passes the collected rows on.
     fn flush(&mut self) -> Result<(), ExportError> {
-        let mut arrays: Vec<ArrayRef> = self.columns.iter_mut().map(ColumnBuilder::finish).collect();
+        let columns = self.fields.iter().zip(&self.columns);
+        let mut arrays: Vec<ArrayRef> = columns.map(|(field, values)| array(field.value_type, values)).collect();
+        self.columns.iter_mut().for_each(Vec::clear);
         arrays.push(Arc::new(self.geometry.finish()));
         arrays.push(Arc::new(self.boxes.finish()));
         let error = ExportError::encode(&self.path, FORMAT);
@@ -104,7 +96,7 @@ impl<'a> Writer<'a> {
 impl RecordWriter for Writer<'_> {
     fn write(&mut self, record: &Record) -> Result<Option<&'static str>, ExportError> {
         for (column, value) in self.columns.iter_mut().zip(record.values(self.fields)) {
-            column.append(value.as_deref());
+            column.push(value.map(Cow::into_owned));
         }
         let polygons = record.polygons();
         self.geometry.append_option(wkb::well_known_binary(polygons));
@@ -123,40 +115,29 @@ impl RecordWriter for Writer<'_> {
     }
 }
 
-impl ColumnBuilder {
-    fn new(field: &Field) -> Self {
-        match field.value_type {
-            ValueType::Text => Self::Text(StringBuilder::new()),
-            ValueType::Integer => Self::Integer(Int64Builder::new()),
-            ValueType::Float => Self::Float(Float64Builder::new()),
-            ValueType::Bool => Self::Bool(BooleanBuilder::new()),
-            ValueType::Date => Self::Date(Date32Builder::new()),
+/// A column of one type. Values of another one are null.
+fn array(value_type: ValueType, values: &[Option<Value>]) -> ArrayRef {
+    let values = values.iter().map(Option::as_ref);
+    match value_type {
+        ValueType::Text => {
+            let texts = values.map(|value| if let Value::Text(text) = value? { Some(text) } else { None });
+            Arc::new(texts.collect::<StringArray>())
         }
-    }
-
-    /// Adds a value, or null if it has another type.
-    fn append(&mut self, value: Option<&Value>) {
-        match (self, value) {
-            (Self::Text(column), Some(Value::Text(value))) => column.append_value(value),
-            (Self::Text(column), _) => column.append_null(),
-            (Self::Integer(column), Some(Value::Integer(value))) => column.append_value(*value),
-            (Self::Integer(column), _) => column.append_null(),
-            (Self::Float(column), Some(Value::Float(value))) => column.append_value(*value),
-            (Self::Float(column), _) => column.append_null(),
-            (Self::Bool(column), Some(Value::Bool(value))) => column.append_value(*value),
-            (Self::Bool(column), _) => column.append_null(),
-            (Self::Date(column), Some(Value::Date(value))) => column.append_value(*value),
-            (Self::Date(column), _) => column.append_null(),
+        ValueType::Integer => {
+            let integers = values.map(|value| if let Value::Integer(integer) = value? { Some(*integer) } else { None });
+            Arc::new(integers.collect::<Int64Array>())
         }
-    }
-
-    fn finish(&mut self) -> ArrayRef {
-        match self {
-            Self::Text(column) => Arc::new(column.finish()),
-            Self::Integer(column) => Arc::new(column.finish()),
-            Self::Float(column) => Arc::new(column.finish()),
-            Self::Bool(column) => Arc::new(column.finish()),
-            Self::Date(column) => Arc::new(column.finish()),
+        ValueType::Float => {
+            let floats = values.map(|value| if let Value::Float(float) = value? { Some(*float) } else { None });
+            Arc::new(floats.collect::<Float64Array>())
+        }
+        ValueType::Bool => {
+            let bools = values.map(|value| if let Value::Bool(is_true) = value? { Some(*is_true) } else { None });
+            Arc::new(bools.collect::<BooleanArray>())
+        }
+        ValueType::Date => {
+            let dates = values.map(|value| if let Value::Date(day) = value? { Some(*day) } else { None });
+            Arc::new(dates.collect::<Date32Array>())
         }
     }
 }
