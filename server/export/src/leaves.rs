@@ -71,12 +71,11 @@ impl<'a> LeafObjects<'a> {
 
     /// The building, bridge or tunnel that an object is a part of, itself if it is none. Fails if its block cannot be read.
     pub fn whole(&self, number: u32) -> Result<u32, ExportError> {
-        self.city.whole_of(number)
+        Ok(self.city.whole_of(number)?)
     }
 
     fn read(&self, number: u32) -> Result<LeafObject, ExportError> {
-        let info = if number == NO_OBJECT { None } else { self.city.info(number)? };
-        let Some(info) = info else {
+        let Some(info) = self.city.info(number)? else {
             let is_selected = self.selection.objects.is_none();
             return Ok(LeafObject { number, kind: FeatureKind::Relief, identifier: String::new(), is_selected });
         };

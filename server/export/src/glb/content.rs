@@ -4,13 +4,14 @@ use super::builder::GlbBuilder;
 use super::geometry::{Geometry, linear};
 use super::matrix::{numbers_of, stretched};
 use super::metadata::Rows;
-use super::objects::{Chooser, ObjectReader};
+use super::objects::Chooser;
 use super::stone::Stones;
 use super::{ExportError, boxes};
 use crate::column_surfaces;
 use crate::land_surface::{has_one_colour, land_of_columns};
+use crate::leaves::is_land;
 use crate::selection::ObjectSelection;
-use crate::source::ExportSource;
+use crate::table::city::City;
 use glam::{DAffine3, DVec2};
 use insula_protocol::mesh_tile::{MAX_LODS, NO_OBJECT};
 use insula_protocol::{BlockMap, MeshTile, NODE_CELLS, TileId};
@@ -21,8 +22,7 @@ pub(super) const SKIRT_CELLS: f64 = 2.0;
 
 /// Puts parts of a city into GLBs.
 pub(crate) struct ContentWriter<'a> {
-    source: &'a dyn ExportSource,
-    reader: &'a ObjectReader<'a>,
+    city: &'a City<'a>,
     chooser: Chooser<'a>,
     stones: Stones,
 }
@@ -39,12 +39,8 @@ pub(crate) struct Shown {
 }
 
 impl<'a> ContentWriter<'a> {
-    pub(crate) fn new(
-        source: &'a dyn ExportSource,
-        selection: &'a ObjectSelection,
-        reader: &'a ObjectReader<'a>,
-    ) -> Self {
-        Self { source, reader, chooser: Chooser::new(selection, reader), stones: Stones::new(source.manifest()) }
+    pub(crate) fn new(city: &'a City<'a>, selection: &'a ObjectSelection) -> Self {
+        Self { city, chooser: Chooser::new(city, selection), stones: Stones::new(city.manifest) }
     }
 
     /// Adds the finest that there is of a leaf: its mesh, else its columns. `place` maps metres from the leaf's south-west corner at
@@ -56,7 +52,7 @@ impl<'a> ContentWriter<'a> {
         leaf: TileId,
         place: DAffine3,
     ) -> Result<Shown, ExportError> {
-        match (0..MAX_LODS).find_map(|lod| self.source.mesh(leaf, lod).transpose()).transpose()? {
+        match (0..MAX_LODS).find_map(|lod| self.city.source.mesh(leaf, lod).transpose()).transpose()? {
             Some(tile) => self.add_mesh(glb, rows, leaf, (&tile, place), &|_| true),
             None => self.add_columns(glb, rows, leaf, place),
         }
@@ -95,7 +91,7 @@ impl<'a> ContentWriter<'a> {
         rows: &mut Rows,
         has: &dyn Fn(u32) -> bool,
     ) -> Result<BTreeMap<Option<u8>, Geometry>, ExportError> {
-        let corner = self.source.manifest().node_corner(leaf);
+        let corner = self.city.manifest.node_corner(leaf);
         let positions: Vec<[f64; 3]> = tile.mesh.positions_m().collect();
         let values = tile.mesh.attributes.first().map_or(&[][..], |attribute| &attribute.corners);
         let mut parts: BTreeMap<Option<u8>, (Geometry, VertexNumbers)> = BTreeMap::new();
@@ -145,7 +141,7 @@ impl<'a> ContentWriter<'a> {
         node: TileId,
         place: DAffine3,
     ) -> Result<Shown, ExportError> {
-        let Some(map) = self.source.columns(node)? else { return Ok(Shown::default()) };
+        let Some(map) = self.city.source.columns(node)? else { return Ok(Shown::default()) };
         let grid = boxes::grid(&map);
         let geometry = self.box_geometry(map, node, rows)?;
         let triangles = Self::add_surfaces(glb, node, vec![(geometry, grid)], place)?;
@@ -173,7 +169,7 @@ impl<'a> ContentWriter<'a> {
     /// a selection, everything is boxes. Each with the matrix from its grid to metres from the node's south-west corner at the city's
     /// height zero.
     pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, DAffine3)>, ExportError> {
-        let Some(map) = self.source.columns(node)? else { return Ok(Vec::new()) };
+        let Some(map) = self.city.source.columns(node)? else { return Ok(Vec::new()) };
         let grid = boxes::grid(&map);
         let land = self.land_objects(&map)?;
         let is_land = |object: u32| land.contains(&object);
@@ -195,7 +191,7 @@ impl<'a> ContentWriter<'a> {
         let mut land = BTreeSet::from([NO_OBJECT]);
         let objects: BTreeSet<u32> = map.objects.iter().flat_map(|objects| column_surfaces::objects(objects)).collect();
         for object in objects {
-            if self.reader.is_land(object)? {
+            if self.city.info(object)?.is_none_or(|info| is_land(info.kind)) {
                 land.insert(object);
             }
         }
@@ -203,8 +199,8 @@ impl<'a> ContentWriter<'a> {
     }
 
     fn box_geometry(&self, map: BlockMap, node: TileId, rows: &mut Rows) -> Result<Geometry, ExportError> {
-        let corner = self.source.manifest().node_corner(node);
-        let cell = self.source.manifest().cell_m_at(node.level());
+        let corner = self.city.manifest.node_corner(node);
+        let cell = self.city.manifest.cell_m_at(node.level());
         let mut feature = |object: u32, column: usize| {
             let cells = [column % NODE_CELLS, column / NODE_CELLS];
             let middle = [0, 1].map(|k| corner[k] + (cells[k] as f64 + 0.5) * cell);

@@ -7,7 +7,7 @@ use super::ExportError;
 use super::builder::GlbBuilder;
 use super::columns::{Column, Packed};
 use super::geometry::NO_FEATURE;
-use super::objects::ObjectReader;
+use crate::table::city::City;
 use insula_objects::{AttributeInfo, ObjectRecord, Value, ValueType};
 use insula_protocol::blockmap::NO_OBJECT;
 use serde_json::{Map, Value as Json, json};
@@ -60,14 +60,14 @@ impl Rows {
 /// Adds the table of `rows` to a GLB with as much detail as fits `budget_bytes`, but always the numbers. Nothing without rows.
 pub(crate) fn add_table(
     glb: &mut GlbBuilder,
-    reader: &ObjectReader<'_>,
+    city: &City<'_>,
     rows: &Rows,
     budget_bytes: usize,
 ) -> Result<(), ExportError> {
     if rows.ids.is_empty() {
         return Ok(());
     }
-    let table = Table::read(reader, &rows.ids)?;
+    let table = Table::read(city, &rows.ids)?;
     for detail in [Detail::Full, Detail::Name, Detail::Number] {
         let packed: Vec<(Property, Packed)> = table.properties(detail).into_iter().map(pack).collect();
         let bytes: usize = packed.iter().map(|(property, packed)| property.json_bytes() + packed.bytes()).sum();
@@ -139,14 +139,14 @@ struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    fn read(reader: &ObjectReader<'a>, ids: &'a [u32]) -> Result<Self, ExportError> {
-        let records = ids.iter().map(|id| reader.record(*id)).collect::<Result<Vec<_>, _>>()?;
+    fn read(city: &City<'a>, ids: &'a [u32]) -> Result<Self, ExportError> {
+        let records = ids.iter().map(|id| city.record(*id)).collect::<Result<Vec<_>, _>>()?;
         let parent = |record: &Option<ObjectRecord>| match record.as_ref().and_then(|record| record.parent) {
-            Some(parent) => reader.identifier(parent),
+            Some(parent) => city.identifier(parent).map(|name| Some(name).filter(|name| !name.is_empty())),
             None => Ok(None),
         };
         let parents = records.iter().map(parent).collect::<Result<Vec<_>, _>>()?;
-        let schema = reader.schema();
+        let schema = city.source.schema();
         Ok(Self { ids, records, parents, attributes: &schema.attributes, objects: schema.objects })
     }
 

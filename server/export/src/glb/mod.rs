@@ -34,17 +34,18 @@ mod view_terrain;
 
 use crate::selection::ObjectSelection;
 use crate::source::{ExportSource, SourceError};
+use crate::table::city::City;
 use crate::{boxes, geometry, matrix};
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
 pub use error::ExportError;
 use glam::{DAffine3, DVec3};
+use insula_objects::FeatureKind;
 use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_protocol::subtree::{NodeInfo, NodeMesh};
 use insula_protocol::{Subtree, TileId};
 use matrix::{Y_UP, numbers_of};
 use metadata::{Rows, add_table};
-use objects::ObjectReader;
 use reach::Reach;
 use serde_json::json;
 use std::collections::BTreeSet;
@@ -81,11 +82,10 @@ pub fn write_glb(
     out: &mut dyn Write,
 ) -> Result<ExportReport, ExportError> {
     let manifest = source.manifest();
-    let reader = ObjectReader::new(source);
+    let city = City::new(source);
     let mut scene = Scene {
-        source,
-        content: ContentWriter::new(source, selection, &reader),
-        reader: &reader,
+        city: &city,
+        content: ContentWriter::new(&city, selection),
         glb: GlbBuilder::new(manifest, Packing::Quantised),
         rows: Rows::default(),
         origin: middle(source, selection),
@@ -101,7 +101,7 @@ pub fn write_glb(
         ));
     }
     let Scene { mut glb, rows, origin, .. } = scene;
-    add_table(&mut glb, &reader, &rows, usize::MAX)?;
+    add_table(&mut glb, &city, &rows, usize::MAX)?;
     glb.gather_nodes(manifest.title.clone(), numbers_of(Y_UP));
     glb.set_extras(json!({ "origin": origin, "crs": manifest.crs }));
     let bytes = glb.finish()?;
@@ -111,9 +111,8 @@ pub fn write_glb(
 
 /// A GLB in the making.
 struct Scene<'a> {
-    source: &'a dyn ExportSource,
+    city: &'a City<'a>,
     content: ContentWriter<'a>,
-    reader: &'a ObjectReader<'a>,
     glb: GlbBuilder,
     rows: Rows,
     /// World metres of the scene's origin.
@@ -123,14 +122,14 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// From metres from a node's south-west corner at the city's height zero to the scene.
     fn place(&self, node: TileId) -> DAffine3 {
-        let corner = DVec3::from(self.source.manifest().node_corner(node));
+        let corner = DVec3::from(self.city.manifest.node_corner(node));
         DAffine3::from_translation(corner - DVec3::from(self.origin))
     }
 
     /// Adds the finest that there is of all leaves. Returns the number of triangles.
     fn add_leaves(&mut self, reach: &Reach<'_>) -> Result<usize, ExportError> {
         let mut triangles = 0;
-        for leaf in leaves(self.source, reach)? {
+        for leaf in leaves(self.city.source, reach)? {
             let place = self.place(leaf);
             triangles += self.content.add_leaf(&mut self.glb, &mut self.rows, leaf, place)?.triangles;
         }
@@ -141,13 +140,13 @@ impl Scene<'_> {
     fn add_view(&mut self, view: &ExportView, reach: &Reach<'_>) -> Result<usize, ExportError> {
         let mut terrain = ViewTerrain::default();
         let mut triangles = 0;
-        for part in view.parts(self.source, reach)? {
+        for part in view.parts(self.city.source, reach)? {
             triangles += match part {
                 Part::Columns { node, meshes } => self.add_view_columns(node, meshes, &mut terrain)?,
                 Part::Mesh(mesh) => self.add_mesh(mesh, &mut terrain)?,
             };
         }
-        triangles += terrain.write(&mut self.glb, self.source.manifest(), (view, self.origin))?;
+        triangles += terrain.write(&mut self.glb, self.city.manifest, (view, self.origin))?;
         self.glb.add_camera(numbers_of(view.matrix(self.origin)), view.lens(), view::NEAR_M);
         Ok(triangles)
     }
@@ -166,7 +165,7 @@ impl Scene<'_> {
             return meshes.meshes.into_iter().map(|mesh| self.add_mesh(mesh, terrain)).sum();
         }
         self.rows = rows;
-        let cell_m = self.source.manifest().cell_m_at(node.level());
+        let cell_m = self.city.manifest.cell_m_at(node.level());
         terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
         let place = self.place(node);
         ContentWriter::add_surfaces(&mut self.glb, node, surfaces, place)
@@ -179,11 +178,11 @@ impl Scene<'_> {
             what: format!("mesh {leaf}, level of detail {lod}"),
             reason: "it is missing: bake the city again".into(),
         };
-        let tile = self.source.mesh(leaf, lod)?.ok_or_else(missing)?;
+        let tile = self.city.source.mesh(leaf, lod)?.ok_or_else(missing)?;
         let place = self.place(leaf);
         let mut land = BTreeSet::new();
         for object in tile.objects.iter().copied().chain(tile.objects.is_empty().then_some(NO_OBJECT)) {
-            if !land.contains(&object) && self.reader.is_terrain(object)? {
+            if !land.contains(&object) && self.city.info(object)?.is_none_or(|info| info.kind == FeatureKind::Relief) {
                 land.insert(object);
             }
         }

@@ -3,7 +3,7 @@
 use super::ExportError;
 use super::grid::{LeafOrder, MapGrid};
 use crate::selection::ObjectSelection;
-use crate::source::ExportSource;
+use crate::source::{ExportSource, SourceError};
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord};
 use insula_protocol::Manifest;
 use roaring::RoaringBitmap;
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Blocks that are kept decoded. Objects that are near each other are in few blocks.
-const CACHED_BLOCKS: usize = 16;
+const CACHED_BLOCKS: usize = 64;
 /// Longest chain of parents that is followed; a longer one is a loop.
 const MAX_ANCESTORS: usize = 8;
 /// Bounds are rounded to decimetres, and meshes are not exactly where their source is.
@@ -45,7 +45,7 @@ impl<'a> City<'a> {
     }
 
     /// The block of objects of a number. Fails if it cannot be read.
-    fn block(&self, number: u32) -> Result<Option<Rc<ObjectBlock>>, ExportError> {
+    fn block(&self, number: u32) -> Result<Option<Rc<ObjectBlock>>, SourceError> {
         let mut blocks = self.blocks.borrow_mut();
         if let Some(at) = blocks.iter().position(|(known, _)| *known == number) {
             blocks.get_mut(..=at).into_iter().for_each(|used| used.rotate_right(1));
@@ -56,12 +56,12 @@ impl<'a> City<'a> {
         Ok(blocks.first().and_then(|(_, block)| block.clone()))
     }
 
-    fn block_of(&self, object: u32) -> Result<Option<Rc<ObjectBlock>>, ExportError> {
+    fn block_of(&self, object: u32) -> Result<Option<Rc<ObjectBlock>>, SourceError> {
         if object >= self.source.schema().objects { Ok(None) } else { self.block(object / BLOCK_OBJECTS as u32) }
     }
 
     /// `None` if the city has no such object.
-    pub(crate) fn info(&self, object: u32) -> Result<Option<ObjectInfo>, ExportError> {
+    pub(crate) fn info(&self, object: u32) -> Result<Option<ObjectInfo>, SourceError> {
         let block = self.block_of(object)?;
         Ok(block.and_then(|block| {
             let bounds = block.bounds(object).map(|bounds| self.area_of(&bounds));
@@ -70,18 +70,18 @@ impl<'a> City<'a> {
     }
 
     /// `None` if the city has no such object.
-    pub(crate) fn record(&self, object: u32) -> Result<Option<ObjectRecord>, ExportError> {
+    pub(crate) fn record(&self, object: u32) -> Result<Option<ObjectRecord>, SourceError> {
         Ok(self.block_of(object)?.and_then(|block| block.record(object)))
     }
 
     /// The identifier of an object in its source; empty if it has none.
-    pub(crate) fn identifier(&self, object: u32) -> Result<String, ExportError> {
+    pub(crate) fn identifier(&self, object: u32) -> Result<String, SourceError> {
         let block = self.block_of(object)?;
         Ok(block.and_then(|block| block.identifier(object).map(str::to_owned)).unwrap_or_default())
     }
 
     /// The parents of an object, the nearest first.
-    pub(crate) fn ancestors(&self, object: u32) -> Result<Vec<u32>, ExportError> {
+    pub(crate) fn ancestors(&self, object: u32) -> Result<Vec<u32>, SourceError> {
         let mut ancestors = Vec::new();
         let mut next = self.info(object)?.and_then(|info| info.parent);
         while let Some(parent) = next.filter(|parent| *parent != object && !ancestors.contains(parent)) {
@@ -93,7 +93,7 @@ impl<'a> City<'a> {
     }
 
     /// The building, bridge or tunnel that an object is a part of, itself if it is none.
-    pub(crate) fn whole_of(&self, object: u32) -> Result<u32, ExportError> {
+    pub(crate) fn whole_of(&self, object: u32) -> Result<u32, SourceError> {
         let Some(mut info) = self.info(object)?.filter(|info| info.parent.is_some()) else { return Ok(object) };
         let mut whole = object;
         for ancestor in self.ancestors(object)? {

@@ -28,12 +28,12 @@ use crate::boxes;
 use crate::glb::builder::{GlbBuilder, Packing};
 use crate::glb::content::ContentWriter;
 use crate::glb::metadata::{Rows, add_table};
-use crate::glb::objects::ObjectReader;
 use crate::glb::reach::Reach;
 use crate::glb::{ExportError, mesh_of, subtree_at};
 use crate::matrix::{Y_UP, numbers_of};
 use crate::selection::ObjectSelection;
 use crate::source::ExportSource;
+use crate::table::city::City;
 use frame::Frame;
 pub use frame::ToGeocentric;
 use insula_protocol::subtree::NodeInfo;
@@ -64,7 +64,7 @@ pub struct Tileset<'a> {
     source: &'a dyn ExportSource,
     selection: &'a ObjectSelection,
     frame: Frame<'a>,
-    reader: ObjectReader<'a>,
+    city: City<'a>,
     reach: Reach<'a>,
     form: TilesetForm,
 }
@@ -104,8 +104,8 @@ impl<'a> Tileset<'a> {
     ) -> Result<Self, ExportError> {
         let frame = Frame::new(source.manifest(), to_geocentric);
         let reach = Reach::new(source, selection)?;
-        let reader = ObjectReader::new(source);
-        Ok(Self { source, selection, frame, reader, reach, form: TilesetForm::default() })
+        let city = City::new(source);
+        Ok(Self { source, selection, frame, city, reach, form: TilesetForm::default() })
     }
 
     /// Whether the city has a place on Earth: without one, globes draw it at the centre of the Earth.
@@ -198,7 +198,7 @@ impl<'a> Tileset<'a> {
         else {
             return Ok(None);
         };
-        let content = ContentWriter::new(self.source, self.selection, &self.reader);
+        let content = ContentWriter::new(&self.city, self.selection);
         let packing = match self.form {
             TilesetForm::Implicit => Packing::Meshopt,
             TilesetForm::Plain => Packing::Plain,
@@ -212,7 +212,7 @@ impl<'a> Tileset<'a> {
         } else {
             content.add_columns(&mut glb, &mut rows, node, place)?
         };
-        add_table(&mut glb, &self.reader, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
+        add_table(&mut glb, &self.city, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
         Ok(Some(Content { bytes: glb.finish()?, triangles: shown.triangles, objects: rows.len() }))
     }
 
