@@ -185,7 +185,7 @@ fn view(args: &DrawArgs, source: &dyn ExportSource) -> Result<DrawView> {
             camera = lifted;
         }
     }
-    Ok(camera.into())
+    Ok(DrawView::Perspective(camera))
 }
 
 fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {

@@ -134,7 +134,7 @@ impl DrawingOptions {
                 if points.into_iter().any(|v| v.abs() > MAX_M) {
                     return invalid("view: a coordinate is out of range");
                 }
-                Ok(camera.into())
+                Ok(DrawView::Perspective(camera))
             }
             _ => invalid("at most one of view, plan and axonometric"),
         }
@@ -189,7 +189,8 @@ mod tests {
         let axonometric = DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 };
         assert_eq!(view(r#"{"format":"pdf","axonometric":[30,35]}"#).unwrap(), axonometric);
         let camera = r#"{"format":"dxf","view":{"position":[0,0,9],"target":[0,9,0]}}"#;
-        assert!(matches!(view(camera).unwrap(), DrawView::Perspective { up: [0.0, 0.0, 1.0], fov_y_deg: 60.0, .. }));
+        let DrawView::Perspective(camera) = view(camera).unwrap() else { panic!("another view") };
+        assert_eq!((camera.up, camera.fov_y_deg), ([0.0, 0.0, 1.0], 60.0));
         for wrong in [
             "",
             "{}",

@@ -119,7 +119,7 @@ fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Pr
         DrawView::Axonometric { azimuth_deg, elevation_deg } => {
             format!("Axonometric view, looking to {azimuth_deg}\u{b0} from {elevation_deg}\u{b0} above the horizon")
         }
-        DrawView::Perspective { .. } => "Perspective view".to_owned(),
+        DrawView::Perspective(_) => "Perspective view".to_owned(),
     };
     let scale = projection.scale.map(|scale| format!(", 1:{scale}")).unwrap_or_default();
     let of_source = |source: &insula_protocol::manifest::Attribution| {

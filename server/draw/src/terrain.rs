@@ -105,6 +105,7 @@ mod tests {
     use crate::face::{FacePlane, NO_EDGE};
     use crate::view::{DrawView, PaperRect, ViewAxes};
     use glam::DVec3;
+    use insula_export::camera::ExportCamera;
     use insula_export::leaves::LeafObject;
 
     const STEPS: u32 = 128;
@@ -163,8 +164,8 @@ mod tests {
     fn perspectives_are_fine_near_the_eye_only() {
         let before = hills(10.0);
         let (position, target) = ([0.0, 0.0, 40.0], [500.0, 500.0, 0.0]);
-        let view = DrawView::Perspective { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 50.0 };
-        let projection = projection(&view, &before);
+        let camera = ExportCamera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 50.0 };
+        let projection = projection(&DrawView::Perspective(camera), &before);
         let after = refine_terrain(&before, &projection, 1.0).unwrap();
         assert!(after.faces.len() * 2 < before.faces.len(), "{}", after.faces.len());
         let near = after.faces.iter().filter(|face| face.points[0].truncate().length() < 100.0);

@@ -24,14 +24,8 @@ pub enum DrawView {
     /// Parallel rays. The view looks towards `azimuth_deg`, clockwise from the grid's north, from `elevation_deg` above the horizon
     /// (0 to 90).
     Axonometric { azimuth_deg: f64, elevation_deg: f64 },
-    /// As a camera file has it, in world metres. The vertical field of view is the height of the frame.
-    Perspective { position: [f64; 3], target: [f64; 3], up: [f64; 3], fov_y_deg: f64 },
-}
-
-impl From<ExportCamera> for DrawView {
-    fn from(ExportCamera { position, target, up, fov_y_deg }: ExportCamera) -> Self {
-        Self::Perspective { position, target, up, fov_y_deg }
-    }
+    /// The vertical field of view is the height of the frame.
+    Perspective(ExportCamera),
 }
 
 /// A rectangle of the paper in millimetres from its lower left corner.
@@ -131,13 +125,12 @@ impl ViewAxes {
                 let right = DVec3::new(cos_az, -sin_az, 0.0);
                 Ok(Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 })
             }
-            DrawView::Perspective { position, target, up, fov_y_deg } => {
-                let camera = ExportCamera { position, target, up, fov_y_deg };
+            DrawView::Perspective(camera) => {
                 let axes = camera.axes().ok_or_else(|| {
                     invalid("the camera needs a target beside its position, and a field of view from 1 to 170")
                 })?;
-                let tan_y = (0.5 * fov_y_deg).to_radians().tan();
-                let position = Some(DVec3::from(position) - DVec3::from(origin));
+                let tan_y = (0.5 * camera.fov_y_deg).to_radians().tan();
+                let position = Some(DVec3::from(camera.position) - DVec3::from(origin));
                 let [right, up, forward] = [axes.x_axis, axes.y_axis, axes.z_axis];
                 Ok(Self { right, up, forward, position, tan_y })
             }
@@ -300,6 +293,12 @@ mod tests {
     use super::*;
 
     const FRAME: PaperRect = PaperRect { min: [10.0, 10.0], max: [110.0, 60.0] };
+    const TO_NORTH: DrawView = DrawView::Perspective(ExportCamera {
+        position: [0.0; 3],
+        target: [0.0, 9.0, 0.0],
+        up: [0.0, 0.0, 1.0],
+        fov_y_deg: 90.0,
+    });
 
     #[test]
     fn plans_are_to_scale_and_perspectives_fill_the_frame() {
@@ -316,9 +315,7 @@ mod tests {
             [[20.0, 20.0], [100.0, 50.0]].map(|mm| metres.place(mm)),
             [[84_000.0, 446_000.0], [84_080.0, 446_030.0]]
         );
-        let view =
-            DrawView::Perspective { position: [0.0; 3], target: [0.0, 9.0, 0.0], up: [0.0, 0.0, 1.0], fov_y_deg: 90.0 };
-        let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
+        let axes = ViewAxes::new(&TO_NORTH, [0.0; 3]).unwrap();
         let perspective = Projection::new(axes, FRAME, None, std::iter::empty());
         assert!((perspective.project(DVec3::new(0.0, 7.0, 7.0)) - DVec2::new(60.0, 60.0)).length() < 1e-9);
         assert_eq!(perspective.metres([0.0; 3]), None);
@@ -329,10 +326,8 @@ mod tests {
 
     #[test]
     fn volumes_are_between_the_planes_and_around_the_scene() {
-        let perspective =
-            DrawView::Perspective { position: [0.0; 3], target: [0.0, 9.0, 0.0], up: [0.0, 0.0, 1.0], fov_y_deg: 90.0 };
         let points = [DVec3::new(-3.0, 20.0, 1.0), DVec3::new(80.0, 50.0, 9.0)];
-        for view in [DrawView::Plan, DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 }, perspective] {
+        for view in [DrawView::Plan, DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 }, TO_NORTH] {
             let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
             let projection = Projection::new(axes, FRAME, Some(1000.0), points.into_iter());
             let volume = projection.volume(points);

@@ -138,6 +138,7 @@ mod tests {
     use crate::view::{DrawView, PaperRect, Projection, ViewAxes};
     use crate::volume::ViewVolume;
     use glam::DVec3;
+    use insula_export::camera::ExportCamera;
 
     const UNITS: f64 = 1_000_000.0;
 
@@ -262,8 +263,8 @@ mod tests {
     fn a_view_neither_divides_nor_walks_what_is_outside_of_it() {
         let faces = triangles(600, &mut RandomNumbers(5));
         let (position, target) = ([-20.0, -20.0, 40.0], [50.0, 30.0, 40.0]);
-        let view = DrawView::Perspective { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 10.0 };
-        let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
+        let camera = ExportCamera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 10.0 };
+        let axes = ViewAxes::new(&DrawView::Perspective(camera), [0.0; 3]).unwrap();
         let frame = PaperRect { min: [0.0; 2], max: [200.0, 100.0] };
         let volume = Projection::new(axes, frame, None, std::iter::empty()).volume(bounds_of(faces.iter()));
         let mut tree = BspTree::new(&faces, 1000);

@@ -22,7 +22,6 @@ use insula_draw::file::{DrawingFormat, encode};
 use insula_draw::options::DrawingOptions;
 use insula_draw::view::DrawView;
 use insula_draw::{DrawError, DrawLimits, DrawnPart, draw_part};
-use insula_export::camera::ExportCamera;
 use insula_export::source::{ExportSource, SourceError};
 use std::sync::Arc;
 use tokio::runtime::Handle;
@@ -104,9 +103,8 @@ fn make_now(
 
 /// The view, whose eye is lifted out of buildings and the ground. Fails if tiles cannot be read.
 fn lifted(source: &dyn ExportSource, view: DrawView) -> Result<DrawView, SourceError> {
-    let DrawView::Perspective { position, target, up, fov_y_deg } = view else { return Ok(view) };
-    let camera = ExportCamera { position, target, up, fov_y_deg };
-    Ok(lifted_camera(source, camera)?.map_or(view, DrawView::from))
+    let DrawView::Perspective(camera) = view else { return Ok(view) };
+    Ok(lifted_camera(source, camera)?.map_or(view, DrawView::Perspective))
 }
 
 /// Logs failures of the city's files.

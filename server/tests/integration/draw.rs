@@ -87,7 +87,7 @@ fn a_second_view_of_a_part_needs_no_tree() {
     for view in [
         DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 },
         DrawView::Axonometric { azimuth_deg: 210.0, elevation_deg: 5.0 },
-        DrawView::Perspective { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 },
+        DrawView::Perspective(ExportCamera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 }),
     ] {
         let style = Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() };
         let other = request(view, None, style);
@@ -142,7 +142,7 @@ async fn cameras_are_drawn_as_given_and_lifted_out_of_houses() {
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::open(city.manifest(), &read).unwrap();
     let drawn = |camera: ExportCamera| {
-        let request = request(camera.into(), None, Stylesheet::default());
+        let request = request(DrawView::Perspective(camera), None, Stylesheet::default());
         draw(&source, &request, &|_, _| true).map(|drawing| encode(&drawing, DrawingFormat::Svg))
     };
     let posted = async |ExportCamera { position, target, fov_y_deg, .. }, rest: &str| {
