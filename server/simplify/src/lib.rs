@@ -5,4 +5,4 @@ pub mod model;
 pub mod repair;
 pub mod simplify;
 pub mod surface;
-pub mod triangle_distance;
+mod triangle_distance;

@@ -21,6 +21,8 @@ use std::time::Duration;
 const EVEN_STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 /// Points of which a thread finds the distances one after the other.
 const POINTS_AT_ONCE: usize = 1024;
+/// Most intervals between points along a triangle's side.
+const MAX_INTERVALS: u32 = 6;
 /// Larger coordinates are refused. Below it, all numbers stay finite, also in f32.
 const MAX_COORDINATE: f64 = 1e15;
 
@@ -176,6 +178,30 @@ impl Surface {
         f64::from_bits(largest.into_inner())
     }
 
+    /// The largest distance of points of a model from this surface, about `spacing` apart. Points of triangle `t` count for at most
+    /// `bound(t)`.
+    pub fn distance_of(&self, model: &TriangleModel, spacing: f64, bound: impl Fn(usize) -> f64) -> f64 {
+        let (mut largest, mut guess, mut open) = (0f64, 0, Vec::new());
+        for (t, triangle) in model.triangles.iter().enumerate() {
+            let bound = bound(t);
+            let [a, b, c] = triangle.map(|vertex| DVec3::from(model.positions[vertex as usize]));
+            let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+            let intervals = ((longest / spacing).ceil() as u32).clamp(1, MAX_INTERVALS);
+            for i in 0..=intervals {
+                for j in 0..=intervals - i {
+                    if bound <= largest {
+                        break;
+                    }
+                    let p = a + ((b - a) * f64::from(i) + (c - a) * f64::from(j)) / f64::from(intervals);
+                    let distance;
+                    (guess, distance) = self.nearest(p.to_array(), guess, largest, &mut open);
+                    largest = largest.max(distance.min(bound));
+                }
+            }
+        }
+        largest
+    }
+
     /// Distances of about `samples` points, and of all corners, from `other`.
     pub fn compare(&self, other: &Self, samples: usize) -> SurfaceDistance {
         let mut points = self.even_points(samples);
@@ -226,6 +252,18 @@ mod tests {
         let point = Surface::new(vec![[[3.0, 0.0, 0.0]; 3]]).unwrap();
         assert_eq!(point.compare(&small, 10).max, 2.0);
         assert_eq!(small.distance([1e300, 0.0, 0.0]), f64::INFINITY);
+    }
+
+    #[test]
+    fn points_of_a_model_count_for_their_bound_at_most() {
+        let at = |z: f64| TriangleModel {
+            positions: vec![[0.0, 0.0, z], [10.0, 0.0, z], [10.0, 10.0, z], [0.0, 10.0, z]],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            layers: Vec::new(),
+        };
+        let far = |z: f64| square(10.0, 0.0).distance_of(&at(z), 1.0, |_| f64::INFINITY);
+        assert!(far(0.0) < 1e-9 && far(1.5) == 1.5 && far(9.0) == 9.0);
+        assert_eq!(square(10.0, 0.0).distance_of(&at(3.0), 1.0, |_| 0.25), 0.25);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Squared distance of a point from a triangle (Ericson 2005, "Real-Time Collision Detection", 5.1.5).
-pub fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+pub(crate) fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (ab, ac) = (b - a, c - a);
     let to = |q: DVec3| (p - q).length_squared();
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
@@ -32,4 +32,25 @@ pub fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     }
     let sum = va + vb + vc;
     if sum <= 0.0 { to(a).min(to(b)).min(to(c)) } else { to(a + ab * (vb / sum) + ac * (vc / sum)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distance_is_right_in_every_region_of_a_triangle() {
+        let triangle = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 4.0, 0.0)];
+        for (p, squared) in [
+            ([1.0, 1.0, 3.0], 9.0),
+            ([-3.0, -4.0, 0.0], 25.0),
+            ([7.0, -4.0, 0.0], 25.0),
+            ([-4.0, 7.0, 0.0], 25.0),
+            ([2.0, -2.0, 0.0], 4.0),
+            ([-2.0, 2.0, 0.0], 4.0),
+            ([4.0, 4.0, 0.0], 8.0),
+        ] {
+            assert!((squared_distance(p.into(), triangle) - squared).abs() < 1e-12, "{p:?}");
+        }
+    }
 }

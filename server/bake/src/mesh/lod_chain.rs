@@ -9,16 +9,20 @@ use super::dense_chain;
 use super::leaf_occlusion::LeafOcclusion;
 use super::leaf_surface::LeafSurface;
 use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid};
-use super::surface_distance::{TriangleHash, part_half_diagonals};
 use super::texture_bake::whole_texels_m;
 use crate::error::BakeError;
 use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
+use glam::DVec3;
 use insula_protocol::blockmap::{Quality, voxel_error_m};
 use insula_protocol::mesh_tile::{MAX_LODS, archive_id};
 use insula_protocol::subtree::MeshLod;
 use insula_protocol::{MeshTile, TileId};
+use insula_simplify::disjoint_sets::DisjointSets;
+use insula_simplify::model::TriangleModel;
 use insula_simplify::simplify::Goal;
+use insula_simplify::surface::Surface;
+use std::collections::HashMap;
 
 /// Error allowed in the coarsest level, as a share of the V-BlockMap's error.
 const COARSEST_SHARE: f64 = 0.8;
@@ -50,7 +54,7 @@ pub(super) fn encode_lods(
     let mut triangles_before = solid.model.triangles.len();
     let whole_m = if surface.is_textured() { whole_texels_m(scene, &solid.model, step_m) } else { 0.0 };
     let mut is_mostly_texture = whole_m > 0.0 && mostly_texture(id, 0, &lods[0])?;
-    let mut simplifier = SurfaceSimplifier { surface, part_half_diagonals: Vec::new() };
+    let mut simplifier = SurfaceSimplifier { surface, source: None, part_half_diagonals: Vec::new() };
     for k in 1..MAX_LODS {
         let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
@@ -92,6 +96,8 @@ fn mostly_texture(id: TileId, number: u8, lod: &EncodedLod) -> Result<bool, Bake
 /// Simplifies a leaf's surface within measured errors.
 struct SurfaceSimplifier<'a> {
     surface: &'a LeafSurface,
+    /// What the others are compared with; `None` until it is needed.
+    source: Option<Surface>,
     /// Of each triangle of the surface; empty until they are needed.
     part_half_diagonals: Vec<f64>,
 }
@@ -110,21 +116,57 @@ impl SurfaceSimplifier<'_> {
             if coarser.model.triangles.is_empty() || coarser.model.triangles.len() > max_triangles {
                 return None;
             }
-            if self.part_half_diagonals.is_empty() {
+            if self.source.is_none() {
+                self.source = Surface::of_model(original);
                 self.part_half_diagonals = part_half_diagonals(original);
             }
-            let reach = 1.01 * target;
-            let from_coarser =
-                TriangleHash::new(original, reach).max_distance(&coarser.model, reach, |_| f64::INFINITY);
+            let (source, spacing) = (self.source.as_ref()?, 1.01 * target);
+            let from_coarser = source.distance_of(&coarser.model, spacing, |_| f64::INFINITY);
             if from_coarser > target {
                 continue;
             }
             let bound = |t: usize| self.part_half_diagonals[t];
-            let from_original = TriangleHash::new(&coarser.model, reach).max_distance(original, reach, bound);
+            let from_original = Surface::of_model(&coarser.model)?.distance_of(original, spacing, bound);
             if from_original <= target {
                 return Some((coarser, from_coarser.max(from_original) * step_m));
             }
         }
         None
+    }
+}
+
+/// For each triangle, half the diagonal of the bounding box of its connected part: if the part is removed, no point of
+/// it is further than this from where the part was.
+fn part_half_diagonals(model: &TriangleModel) -> Vec<f64> {
+    let mut parts = DisjointSets::new(model.positions.len());
+    for [a, b, c] in &model.triangles {
+        parts.union(*a, *b);
+        parts.union(*a, *c);
+    }
+    let mut boxes: HashMap<u32, [DVec3; 2]> = HashMap::new();
+    for (v, position) in (0..).zip(&model.positions) {
+        let p = DVec3::from(*position);
+        let part_box = boxes.entry(parts.find(v)).or_insert([p, p]);
+        *part_box = [part_box[0].min(p), part_box[1].max(p)];
+    }
+    let half_diagonal = |triangle: &[u32; 3]| {
+        let [low, high] = boxes.get(&parts.find(triangle[0])).copied().unwrap_or_default();
+        (high - low).length() / 2.0
+    };
+    model.triangles.iter().map(half_diagonal).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_diagonals_are_those_of_the_connected_parts() {
+        let square = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0], [0.0, 10.0, 0.0]];
+        let triangle = [[50.0, 0.0, 0.0], [53.0, 0.0, 0.0], [53.0, 4.0, 0.0]];
+        let positions = square.into_iter().chain(triangle).collect();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6]];
+        let half = part_half_diagonals(&TriangleModel { positions, triangles, layers: Vec::new() });
+        assert!((half[0] - 50f64.sqrt()).abs() < 1e-9 && half[0] == half[1] && half[2] == 2.5);
     }
 }

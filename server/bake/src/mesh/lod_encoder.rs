@@ -2,7 +2,6 @@
 
 use super::leaf_occlusion::LeafOcclusion;
 use super::leaf_surface::LeafSurface;
-use super::surface_distance::TriangleHash;
 use super::texture_bake::{TextureScale, bake_texture};
 use crate::error::BakeError;
 use crate::scene::Scene;
@@ -13,6 +12,7 @@ use insula_protocol::subtree::MeshLod;
 use insula_protocol::{DecodeError, MeshTile, TileId};
 use insula_simplify::model::{CornerLayer, TriangleModel};
 use insula_simplify::simplify::{Goal, Simplified, simplify};
+use insula_simplify::surface::Surface;
 use std::collections::HashMap;
 
 /// A surface that does not fit into a tile is simplified to fewer triangles, down to this number.
@@ -67,9 +67,8 @@ impl LodEncoder<'_> {
             } else {
                 let goal = Goal { triangles: max_triangles, error: f64::INFINITY };
                 let named = simplify_on_grid(surface, (&surface.model, &surface.objects), goal);
-                let reach = blockmap_error_m / step_m;
-                let moved =
-                    TriangleHash::new(&surface.model, reach).max_distance(&named.model, reach, |_| f64::INFINITY);
+                let Some(source) = Surface::of_model(&surface.model) else { return Ok(None) };
+                let moved = source.distance_of(&named.model, blockmap_error_m / step_m, |_| f64::INFINITY);
                 (named, moved * step_m)
             };
             if let Some(lod) = self.encode(&named, LodSpec { number: 0, moved_m, texel_m: 2.0 * step_m })? {

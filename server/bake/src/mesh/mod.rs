@@ -7,7 +7,7 @@
 //! |---|---|
 //! | clip triangles to the leaf's square | `square_clip` |
 //! | put them on the grid of points that all leaves share | `leaf_surface` |
-//! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `lod_encoder`, `surface_distance` |
+//! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `lod_encoder` |
 //! | compute occlusion at the vertices of landmarks | `leaf_occlusion` |
 //! | cut textured surfaces into charts, and pack these | `charts`, `atlas` |
 //! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
@@ -25,7 +25,6 @@ mod lod_chain;
 mod lod_encoder;
 mod materials;
 mod square_clip;
-mod surface_distance;
 mod texture_bake;
 mod texture_canvas;
 mod texture_encode;
