@@ -1,50 +1,30 @@
 //! Checks of a building's surface by its coordinates alone.
 
 use crate::roof::{RoofShape, RoofSpec};
+use glam::DVec3;
 use insula_source::object::{Surface, SurfaceRole};
 use std::collections::HashMap;
 
-type Point = [f64; 3];
-
-fn bits(point: Point) -> [u64; 3] {
-    point.map(|x| (x + 0.0).to_bits())
+fn bits(point: DVec3) -> [u64; 3] {
+    point.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-fn minus(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn length(a: Point) -> f64 {
-    dot(a, a).sqrt()
-}
-
-pub(super) fn rings(surface: &Surface) -> Vec<Vec<Point>> {
+fn rings(surface: &Surface) -> Vec<Vec<DVec3>> {
     let mut starts: Vec<usize> = surface.hole_starts.iter().map(|&start| start as usize).collect();
     starts.insert(0, 0);
     starts.push(surface.points.len());
-    starts.windows(2).map(|pair| surface.points[pair[0]..pair[1]].to_vec()).collect()
+    let ring = |pair: &[usize]| surface.points[pair[0]..pair[1]].iter().copied().map(DVec3::from).collect();
+    starts.windows(2).map(ring).collect()
 }
 
-fn edges(ring: &[Point]) -> impl Iterator<Item = (Point, Point)> + '_ {
+fn edges(ring: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
     (0..ring.len()).map(|i| (ring[i], ring[(i + 1) % ring.len()]))
 }
 
 /// Twice the area as a vector, relative to a point.
-fn area_vector(surface: &Surface, origin: Point) -> Point {
-    let mut sum = [0.0; 3];
-    for (a, b) in rings(surface).iter().flat_map(|ring| edges(ring).collect::<Vec<_>>()) {
-        let part = cross(minus(a, origin), minus(b, origin));
-        sum = [sum[0] + part[0], sum[1] + part[1], sum[2] + part[2]];
-    }
-    sum
+fn area_vector(surface: &Surface, origin: DVec3) -> DVec3 {
+    let parts = |ring: &Vec<DVec3>| edges(ring).map(|(a, b)| (a - origin).cross(b - origin)).sum::<DVec3>();
+    rings(surface).iter().map(parts).sum()
 }
 
 pub(super) fn footprint_area(plan: &[Vec<[f64; 2]>]) -> f64 {
@@ -64,15 +44,15 @@ pub(super) fn check(
     planar_m: f64,
 ) -> Result<f64, String> {
     check_edges(surfaces)?;
-    let origin = surfaces[0].points[0];
+    let origin = DVec3::from(surfaces[0].points[0]);
     let overhangs = spec.shape == RoofShape::Onion;
     let (mut volume, mut covered) = (0.0, 0.0);
     for surface in surfaces {
         check_face(surface, planar_m, overhangs)?;
         let area = area_vector(surface, origin);
-        volume += dot(minus(surface.points[0], origin), area) / 6.0;
+        volume += (DVec3::from(surface.points[0]) - origin).dot(area) / 6.0;
         if surface.role == SurfaceRole::Roof {
-            covered += area[2] / 2.0;
+            covered += area.z / 2.0;
         }
         let heights = surface.points.iter().map(|point| point[2]);
         let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), z| (low.min(z), high.max(z)));
@@ -122,25 +102,26 @@ fn check_edges(surfaces: &[Surface]) -> Result<(), String> {
 
 /// Checks that a face is planar, does not cross itself, and looks to where its role says.
 fn check_face(surface: &Surface, planar_m: f64, overhangs: bool) -> Result<(), String> {
-    let origin = surface.points[0];
+    let origin = DVec3::from(surface.points[0]);
     let area = area_vector(surface, origin);
-    let size = length(area);
+    let size = area.length();
     let role = surface.role;
     if size <= 0.0 || !size.is_finite() {
         return Err(format!("{role:?} without area: {:?}", surface.points));
     }
-    let normal = area.map(|x| x / size);
-    let extent = surface.points.iter().map(|&point| length(minus(point, origin))).fold(0.0, f64::max);
+    let normal = area / size;
+    let along = || surface.points.iter().map(|point| DVec3::from(*point) - origin);
+    let extent = along().map(DVec3::length).fold(0.0, f64::max);
     // Slivers have no certain plane.
     if size > 1e-3 * extent {
-        let worst = surface.points.iter().map(|&point| dot(minus(point, origin), normal).abs()).fold(0.0, f64::max);
+        let worst = along().map(|along| along.dot(normal).abs()).fold(0.0, f64::max);
         if worst > planar_m {
             return Err(format!("{role:?} bent by {worst}: {:?}", surface.points));
         }
         let looks_right = match role {
-            SurfaceRole::Ground => normal[2] < -0.999,
-            SurfaceRole::Wall => normal[2].abs() < 1e-3,
-            _ => normal[2] > 0.0 || overhangs,
+            SurfaceRole::Ground => normal.z < -0.999,
+            SurfaceRole::Wall => normal.z.abs() < 1e-3,
+            _ => normal.z > 0.0 || overhangs,
         };
         if !looks_right {
             return Err(format!("{role:?} looks to {normal:?}: {:?}", surface.points));
@@ -150,12 +131,11 @@ fn check_face(surface: &Surface, planar_m: f64, overhangs: bool) -> Result<(), S
 }
 
 /// Checks that no two edges of a face cross, by pairs.
-fn check_simple(surface: &Surface, normal: Point) -> Result<(), String> {
-    let u = if normal[2].abs() > 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
-    let u = cross(normal, u);
-    let u = u.map(|x| x / length(u));
-    let v = cross(normal, u);
-    let flat = |point: Point| [dot(minus(point, surface.points[0]), u), dot(minus(point, surface.points[0]), v)];
+fn check_simple(surface: &Surface, normal: DVec3) -> Result<(), String> {
+    let u = normal.cross(if normal.z.abs() > 0.7 { DVec3::X } else { DVec3::Z }).normalize();
+    let v = normal.cross(u);
+    let origin = DVec3::from(surface.points[0]);
+    let flat = |point: DVec3| [u, v].map(|axis| (point - origin).dot(axis));
     let all: Vec<([f64; 2], [f64; 2])> = rings(surface)
         .iter()
         .flat_map(|ring| edges(ring).map(|(a, b)| (flat(a), flat(b))).collect::<Vec<_>>())
@@ -178,15 +158,15 @@ fn check_simple(surface: &Surface, normal: Point) -> Result<(), String> {
 
 /// Checks that no point of the surface is inside of an edge, by pairs.
 pub(super) fn check_no_t_junction(surfaces: &[Surface], touch_m: f64) -> Result<(), String> {
-    let all: Vec<Vec<Point>> = surfaces.iter().flat_map(rings).collect();
-    for point in all.iter().flatten() {
+    let all: Vec<Vec<DVec3>> = surfaces.iter().flat_map(rings).collect();
+    for point in all.iter().flatten().copied() {
         for (a, b) in all.iter().flat_map(|ring| edges(ring)) {
-            if bits(a) == bits(*point) || bits(b) == bits(*point) {
+            if bits(a) == bits(point) || bits(b) == bits(point) {
                 continue;
             }
-            let along = minus(b, a);
-            let share = dot(minus(*point, a), along) / dot(along, along);
-            if share > 0.0 && share < 1.0 && length(cross(minus(*point, a), along)) < touch_m * length(along) {
+            let along = b - a;
+            let share = (point - a).dot(along) / along.length_squared();
+            if share > 0.0 && share < 1.0 && (point - a).cross(along).length() < touch_m * along.length() {
                 return Err(format!("{point:?} inside of {a:?} {b:?}"));
             }
         }
