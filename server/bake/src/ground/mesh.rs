@@ -175,6 +175,7 @@ fn all_inside(corners: &Corners, mut is_good: impl FnMut([usize; 2]) -> bool) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ground::standing::height_at;
     use std::collections::HashMap;
 
     #[test]
@@ -209,15 +210,8 @@ mod tests {
         assert!(uses.iter().filter(|(ends, _)| ends.iter().any(is_inside)).all(|(_, n)| *n == 2));
         for i in (0..grid.len()).filter(|i| grid.place(*i)[0] < 40) {
             let [x, y] = grid.place(i).map(|v| v as f32 * 4.0);
-            let z = triangles.iter().find_map(|t| height_at(t, x, y)).unwrap();
+            let z = triangles.iter().find_map(|t| height_at(t, [x, y])).unwrap();
             assert!(z >= range.low[i] - 1e-4 && z <= range.high[i] + 1e-4, "{x} {y}: {z} for {}", field[i]);
         }
-    }
-
-    fn height_at([a, b, c]: &[[f32; 3]; 3], x: f32, y: f32) -> Option<f32> {
-        let det = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        let u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / det;
-        let v = ((y - a[1]) * (b[0] - a[0]) - (x - a[0]) * (b[1] - a[1])) / det;
-        (u >= -1e-5 && v >= -1e-5 && u + v <= 1.0 + 1e-5).then(|| a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]))
     }
 }

@@ -7,6 +7,7 @@ use crate::paint::material::PaintMaterial;
 use crate::paint::noise::mix_bits;
 use crate::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
 use crate::paint::surfacing::Surfacing;
+use crate::polygon::area_m2;
 use std::borrow::Borrow;
 use std::cmp::Reverse;
 
@@ -92,7 +93,7 @@ impl ReadyArea {
             (class, Some(surfacing)) if class.layer() >= AreaLayer::Paved => Brush::plain(surfacing.material()),
             (class, _) => Brush::plain(class.material()),
         };
-        let size = rings.iter().map(|ring| size_m2(ring)).fold(0.0, f64::max);
+        let size = rings.iter().map(|ring| area_m2(ring).abs()).fold(0.0, f64::max);
         // Positive floats have the order of their bits.
         let order = (Reverse(size.to_bits()), area.class, mix_bits(hash ^ brush.material as u64));
         Some(Self { rings, bounds, layer: area.class.layer(), brush, order })
@@ -210,13 +211,6 @@ fn distinct(points: &[[f64; 2]], same_m: f64) -> Vec<[f64; 2]> {
 /// A number for positions. Equal shapes of different files have the same.
 fn hash<'p>(points: impl IntoIterator<Item = &'p [f64; 2]>) -> u64 {
     points.into_iter().flatten().fold(0, |hash, v| mix_bits(hash ^ v.to_bits()))
-}
-
-fn size_m2(ring: &[[f64; 2]]) -> f64 {
-    let Some(&[x, y]) = ring.first() else { return 0.0 };
-    // Relative to the first corner: products of full map coordinates would lose their digits by cancellation.
-    let cross = |pair: &[[f64; 2]]| (pair[0][0] - x) * (pair[1][1] - y) - (pair[1][0] - x) * (pair[0][1] - y);
-    (ring.windows(2).map(cross).sum::<f64>() / 2.0).abs()
 }
 
 /// Rows along the longer direction of a field, and its own tone.

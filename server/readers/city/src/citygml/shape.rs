@@ -3,6 +3,7 @@
 use super::gather::{Faults, Gatherer, Piece, PieceGeometry, Scene, faces_of};
 use super::plan::{LEVELS, Level, Plan};
 use super::tree::Tree;
+use insula_dress::palette::area_vector;
 use insula_source::object::SurfaceRole;
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -167,18 +168,7 @@ fn has_surface(tree: &Tree, piece: &Piece) -> bool {
 
 /// Area of faces in square units of the file: good for ratios only.
 fn area_of(tree: &Tree, pieces: &[Piece]) -> f64 {
-    let of_ring = |points: &[[f64; 3]]| {
-        let Some(origin) = points.first() else { return 0.0 };
-        let offset = |point: &[f64; 3]| [0, 1, 2].map(|axis| point[axis] - origin[axis]);
-        let mut sum = [0.0; 3];
-        for pair in points.windows(2) {
-            let (a, b) = (offset(&pair[0]), offset(&pair[1]));
-            sum[0] += a[1] * b[2] - a[2] * b[1];
-            sum[1] += a[2] * b[0] - a[0] * b[2];
-            sum[2] += a[0] * b[1] - a[1] * b[0];
-        }
-        sum.iter().map(|value| value * value).sum::<f64>().sqrt() / 2.0
-    };
+    let of_ring = |points: &[[f64; 3]]| area_vector(points).length();
     let areas = pieces.iter().map(|piece| match &piece.geometry {
         PieceGeometry::Face(face) => tree.rings_of(*face).first().map_or(0.0, |ring| of_ring(tree.points_of(ring))),
         PieceGeometry::Triangles(range) => {

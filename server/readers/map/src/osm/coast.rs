@@ -8,6 +8,7 @@ use super::cover::Bounds;
 use super::element::{Position, UNITS_PER_DEGREE, degrees};
 use super::nesting::{Polygon, area, group};
 use insula_dress::paint::{between, clip_segment};
+use insula_dress::polygon::area_m2;
 use insula_source::problems::{CONTRADICTION, GAP, OPEN_END, TOO_WIDE};
 use std::collections::{HashMap, HashSet};
 
@@ -65,8 +66,8 @@ impl Sea {
         let open: Vec<Vec<Point>> = open.into_iter().map(|chain| frame.extend(chain, &mut sea.problems)).collect();
         if open.is_empty() {
             // Islands alone lie in a sea that fills the map.
-            let largest = rings.iter().map(|ring| turn(ring)).max_by(|a, b| a.abs().total_cmp(&b.abs()));
-            if largest.is_some_and(|turn| turn > 0.0) {
+            let largest = rings.iter().map(|ring| area_m2(ring)).max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            if largest.is_some_and(|area| area > 0.0) {
                 rings.push((0..=4).map(|corner| frame.at(f64::from(corner % 4))).collect());
             }
         } else {
@@ -423,12 +424,6 @@ impl Frame {
         let [_, to] = clip_segment(end, far, [self.low, self.high]).filter(|_| length > 0.0)?;
         Some(between(end, far, to))
     }
-}
-
-/// Twice the signed area of a closed ring, positive if counter-clockwise.
-fn turn(ring: &[Point]) -> f64 {
-    let Some([x, y]) = ring.first().copied() else { return 0.0 };
-    ring.windows(2).map(|pair| (pair[0][0] - x) * (pair[1][1] - y) - (pair[1][0] - x) * (pair[0][1] - y)).sum()
 }
 
 /// Latitude and longitude in degrees.
