@@ -2,7 +2,6 @@
 
 use super::appearance::Appearances;
 use super::gather::{Faults, Piece, PieceGeometry};
-use super::placement::Placement;
 use super::shape::open_ring;
 use super::store::StoredGeometry;
 use super::tree::{Ring, Tree};
@@ -218,7 +217,7 @@ impl MeshBuilder {
 }
 
 fn place(piece: &Piece, point: [f64; 3]) -> [f64; 3] {
-    piece.placement.as_deref().map_or(point, |placement: &Placement| placement.apply(point))
+    piece.placement.as_deref().map_or(point, |place| place.apply(point))
 }
 
 fn place_all(piece: &Piece, points: &mut [[f64; 3]]) {

@@ -2,9 +2,10 @@
 
 use super::appearance::Appearances;
 use super::names::{Class, Names};
-use super::placement::{Placement, matrix_of};
+use super::placement::matrix_of;
 use super::store::{Store, StoredGeometry};
 use super::tree::{AttributeKind, Content, Tree, hash_of_reference};
+use crate::degrees::TemplatePlace;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::object::SurfaceRole;
 use std::collections::HashSet;
@@ -46,7 +47,7 @@ pub(super) struct Piece {
     pub(super) role: SurfaceRole,
     /// Number in [`Appearances`].
     pub(super) material: Option<u32>,
-    pub(super) placement: Option<Rc<Placement>>,
+    pub(super) placement: Option<Rc<TemplatePlace>>,
 }
 
 /// Faults of an object's geometry.
@@ -90,7 +91,7 @@ struct Inherited<'s> {
     is_reversed: bool,
     material: Option<u32>,
     srs: Option<&'s str>,
-    placement: Option<Rc<Placement>>,
+    placement: Option<Rc<TemplatePlace>>,
 }
 
 /// Collects surfaces of one object at one level of detail.
@@ -215,7 +216,7 @@ impl<'s> Gatherer<'s> {
             Err(_) => self.faults.note(BAD_MATRIX),
         }
         let matrix = matrix.unwrap_or(Affine::IDENTITY);
-        let placement = Rc::new(Placement::new(matrix, reference, srs));
+        let placement = Rc::new(TemplatePlace::new(matrix, reference, srs));
         let Some(template) = child(Class::RelativeGeometry) else {
             return self.faults.note(if child(Class::LibraryObject).is_some() { LIBRARY } else { UNRESOLVED });
         };

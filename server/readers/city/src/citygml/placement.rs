@@ -1,7 +1,7 @@
 //! Placement of implicit geometry: one template of surfaces at many places.
 
 use super::coordinates::numbers;
-use crate::degrees::{degrees_per_metre, is_latitude_first};
+use crate::degrees::{TemplatePlace, degrees_per_metre, is_latitude_first};
 use insula_source::affine::Affine;
 
 /// A matrix and a reference point that differ by less than this part of their size name the same place twice.
@@ -9,42 +9,22 @@ const SAME_PLACE: f64 = 1e-4;
 /// Shorter translations of a matrix are offsets within the template.
 const FAR_UNITS: f64 = 1000.0;
 
-/// How a template is moved to its place.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Placement {
-    rows: [[f64; 4]; 3],
-    reference: [f64; 3],
-    /// Of a metre to the east and to the north, in a system in degrees; the first axis is north then.
-    degrees_per_metre: Option<[f64; 2]>,
-}
-
-impl Placement {
+impl TemplatePlace {
     /// `srs` names the coordinate system of the reference point.
-    pub(super) fn new(matrix: Affine, reference: Option<[f64; 3]>, srs: Option<&str>) -> Self {
-        let Affine { mut rows, .. } = matrix;
-        let origin = reference.unwrap_or([0.0; 3]);
-        if is_same_place(&rows, origin) {
-            for row in &mut rows {
+    pub(super) fn new(mut matrix: Affine, reference: Option<[f64; 3]>, srs: Option<&str>) -> Self {
+        let anchor = reference.unwrap_or([0.0; 3]);
+        if is_same_place(&matrix.rows, anchor) {
+            for row in &mut matrix.rows {
                 row[3] = 0.0;
             }
         }
         let is_degrees = reference.is_some() && srs.is_some_and(is_latitude_first);
-        Self { rows, reference: origin, degrees_per_metre: is_degrees.then(|| degrees_per_metre(origin[0])) }
-    }
-
-    /// Position of a template's point.
-    pub(super) fn apply(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        let [east, north, up] = self.rows.map(|[a, b, c, d]| a * x + b * y + c * z + d);
-        let [first, second, height] = self.reference;
-        match self.degrees_per_metre {
-            Some([per_east, per_north]) => [first + north * per_north, second + east * per_east, height + up],
-            None => [first + east, second + north, height + up],
-        }
+        Self { matrix, anchor, degrees_per_metre: is_degrees.then(|| degrees_per_metre(anchor[0])) }
     }
 
     /// Whether the placement turns surfaces inside out.
     pub(super) fn is_mirrored(&self) -> bool {
-        let [a, b, c] = self.rows.map(|[x, y, z, _]| [x, y, z]);
+        let [a, b, c] = self.matrix.rows.map(|[x, y, z, _]| [x, y, z]);
         let determinant = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
             + a[2] * (b[0] * c[1] - b[1] * c[0]);
         // North comes first in systems in degrees, which mirrors all positions alike.
@@ -72,8 +52,8 @@ mod tests {
 
     const IDENTITY_AT: &str = "1 0 0 689778 0 1 0 5333790 0 0 1 0 0 0 0 1";
 
-    fn placement(matrix: &str, reference: Option<[f64; 3]>) -> Placement {
-        Placement::new(matrix_of(matrix).unwrap(), reference, None)
+    fn placement(matrix: &str, reference: Option<[f64; 3]>) -> TemplatePlace {
+        TemplatePlace::new(matrix_of(matrix).unwrap(), reference, None)
     }
 
     #[test]
@@ -82,7 +62,7 @@ mod tests {
         assert_eq!(turned.apply([1.0, 0.0, 0.0]), [102.0, 201.0, 13.0]);
         assert!(!turned.is_mirrored());
         assert!(placement("-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", None).is_mirrored());
-        let identity = Placement::new(Affine::IDENTITY, None, None);
+        let identity = TemplatePlace::new(Affine::IDENTITY, None, None);
         assert_eq!(identity.apply([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
         for text in ["1 2 x", "", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 x"] {
             assert!(matrix_of(text).is_err(), "{text}");
@@ -101,7 +81,7 @@ mod tests {
     fn templates_in_degrees_are_in_metres() {
         let srs = Some("http://www.opengis.net/def/crs/EPSG/0/6697");
         let placed =
-            Placement::new(Affine::IDENTITY, Some([60.0, 139.0, 2.0]), srs).apply([111.600_003, 111.412_287, 1.0]);
+            TemplatePlace::new(Affine::IDENTITY, Some([60.0, 139.0, 2.0]), srs).apply([111.600_003, 111.412_287, 1.0]);
         let expected = [60.001, 139.002, 3.0];
         for (value, expected) in placed.iter().zip(expected) {
             assert!((value - expected).abs() < 1e-9, "{placed:?}");

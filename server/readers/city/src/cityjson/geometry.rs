@@ -7,7 +7,7 @@ use super::schema::{
     CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, SurfaceSemantics, ThemeValues, VertexTransform,
     shell_depth,
 };
-use crate::degrees::degrees_per_metre;
+use crate::degrees::{TemplatePlace, degrees_per_metre};
 use insula_dress::polygon::NO_AREA;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::json::position::JsonPosition;
@@ -34,28 +34,9 @@ pub(super) struct ObjectFault {
 pub(super) struct VertexFrame<'a> {
     vertices: &'a [JsonPosition],
     transform: Option<VertexTransform>,
-    instance: Option<InstanceFrame>,
+    instance: Option<TemplatePlace>,
     /// Positions are latitudes and longitudes, while templates are in metres.
     is_latitude_first: bool,
-}
-
-/// Position of a template: a matrix, then the anchor is added.
-struct InstanceFrame {
-    matrix: Affine,
-    anchor: [f64; 3],
-    /// Of a metre to the east and to the north, in a system in degrees.
-    degrees_per_metre: Option<[f64; 2]>,
-}
-
-impl InstanceFrame {
-    fn apply(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        let [east, north, up] = self.matrix.rows.map(|[a, b, c, offset]| a * x + b * y + c * z + offset);
-        let [first, second, height] = self.anchor;
-        match self.degrees_per_metre {
-            Some([per_east, per_north]) => [first + north * per_north, second + east * per_east, height + up],
-            None => [first + east, second + north, height + up],
-        }
-    }
 }
 
 impl<'a> VertexFrame<'a> {
@@ -303,6 +284,6 @@ fn place_template<'t>(
     let anchor = frame.point(instance.boundaries.child(0))?;
     let is_latitude_first = frame.is_latitude_first;
     let degrees_per_metre = is_latitude_first.then(|| degrees_per_metre(anchor[0]));
-    let instance = Some(InstanceFrame { matrix, anchor, degrees_per_metre });
+    let instance = Some(TemplatePlace { matrix, anchor, degrees_per_metre });
     Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, instance, is_latitude_first }))
 }
