@@ -55,6 +55,12 @@ impl FaultCount {
             self.first.push(shorten(example()));
         }
     }
+
+    /// The first examples, and how many there are besides.
+    fn named(&self) -> String {
+        let (first, more) = (self.first.join(", "), self.count.saturating_sub(self.first.len() as u64));
+        if more > 0 { format!("{first} and {more} more") } else { first }
+    }
 }
 
 /// How often an attribute has a value, of which types, and its first different values.
@@ -309,12 +315,6 @@ impl SourceReport {
     }
 }
 
-/// How many there are besides the first ones that are named.
-fn more_than(first: &[String], count: u64) -> String {
-    let more = count.saturating_sub(first.len() as u64);
-    if more > 0 { format!(" and {more} more") } else { String::new() }
-}
-
 fn counted(objects: u64) -> String {
     if objects == 1 { "1 object is".to_owned() } else { format!("{objects} objects are") }
 }
@@ -386,25 +386,19 @@ impl ReadReport {
     /// Which objects lie far from the city, of each source with such, what is baked, and what to do.
     fn far_warnings(&self) -> impl Iterator<Item = String> {
         self.sources.iter().filter_map(|source| {
-            let FaultCount { count, first } = source.skipped.get(FAR)?;
-            let more = more_than(first, *count);
-            let (objects, baked) = (counted(*count), counted(self.objects));
+            let far = source.skipped.get(FAR)?;
+            let (objects, baked) = (counted(far.count), counted(self.objects));
             let advice = "check the coordinates, or bake each place as a city of its own";
-            Some(format!(
-                "{}: {objects} {FAR}, left out: {}{more}; {baked} baked; {advice}",
-                source.path,
-                first.join(", ")
-            ))
+            Some(format!("{}: {objects} {FAR}, left out: {}; {baked} baked; {advice}", source.path, far.named()))
         })
     }
 
     /// Which few objects make the city wide, of each source with such, and what to do.
     fn wide_warnings(&self) -> impl Iterator<Item = String> {
         self.sources.iter().filter_map(|source| {
-            let FaultCount { count, first } = source.problems.get(WIDE)?;
-            let more = more_than(first, *count);
+            let wide = source.problems.get(WIDE)?;
             let advice = "remove them from the source, or leave them out with --bbox";
-            Some(format!("{}: {WIDE}: {}{more}; {advice}", source.path, first.join(", ")))
+            Some(format!("{}: {WIDE}: {}; {advice}", source.path, wide.named()))
         })
     }
 
@@ -422,9 +416,8 @@ impl ReadReport {
     fn problems_of(&self, kinds: &'static [&'static str]) -> impl Iterator<Item = String> {
         self.sources.iter().flat_map(move |source| {
             kinds.iter().filter_map(move |kind| {
-                let FaultCount { count, first } = source.problems.get(*kind).or_else(|| source.skipped.get(*kind))?;
-                let more = more_than(first, *count);
-                Some(format!("{}: {kind}: {}{more}", source.path, first.join(", ")))
+                let found = source.problems.get(*kind).or_else(|| source.skipped.get(*kind))?;
+                Some(format!("{}: {kind}: {}", source.path, found.named()))
             })
         })
     }

@@ -140,18 +140,18 @@ impl SkeletonRoof {
         // Points of the ridge are equally far from both walls.
         let ridge = (before - after).try_normalize()?;
         let end = self.points[ridge_end];
-        let at = self.wall_meets(side, end.at, ridge)?;
+        let at = self.wall_crossing(side, |corner| ridge.perp_dot(corner - end.at))?;
         let top = PlanPoint { at, rise: self.height_above(previous, at) };
         let share = (at - self.points[from].at).dot(along) / self.points[from].at.distance(self.points[to].at);
         let is_within = (GABLE_MARGIN..=1.0 - GABLE_MARGIN).contains(&share);
         (is_within && GABLE_RISE.contains(&(top.rise / end.rise))).then_some(Gable { ridge_end, top })
     }
 
-    /// Where a line meets the wall of a side.
-    fn wall_meets(&self, side: usize, from: DVec2, direction: DVec2) -> Option<DVec2> {
+    /// Where the wall of a side crosses a line, of which `distance` tells how far a corner is from it.
+    fn wall_crossing(&self, side: usize, distance: impl Fn(DVec2) -> f64) -> Option<DVec2> {
         let crossing = |pair: &[usize]| {
             let [a, b] = [self.points[pair[0]].at, self.points[pair[1]].at];
-            let [s, t] = [a, b].map(|corner| direction.perp_dot(corner - from));
+            let [s, t] = [a, b].map(&distance);
             (s * t <= 0.0 && s != t).then(|| a.lerp(b, s / (s - t)))
         };
         self.wall(side).windows(2).find_map(crossing)
@@ -248,12 +248,7 @@ impl SkeletonRoof {
 
     /// Where the plane of another side has a height above the wall of a side.
     fn wall_at_height(&self, side: usize, plane: usize, rise: f64) -> Option<DVec2> {
-        let crossing = |pair: &[usize]| {
-            let [a, b] = [self.points[pair[0]].at, self.points[pair[1]].at];
-            let [s, t] = [a, b].map(|corner| self.height_above(plane, corner) - rise);
-            (s * t <= 0.0 && s != t).then(|| a.lerp(b, s / (s - t)))
-        };
-        self.wall(side).windows(2).find_map(crossing)
+        self.wall_crossing(side, |corner| self.height_above(plane, corner) - rise)
     }
 
     /// A point on the wall of a side: the corner that is there, or a new one.
