@@ -4,6 +4,7 @@ use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::{Number, Value};
 use std::fmt;
+use std::marker::PhantomData;
 
 /// The members of an object in the order of the text. Equal names stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -52,7 +53,7 @@ impl From<Value> for MemberValue {
 
 impl<'de> Deserialize<'de> for Members {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_map(MembersVisitor)
+        entries(deserializer, "an object").map(Self)
     }
 }
 
@@ -62,21 +63,32 @@ impl<'de> Deserialize<'de> for MemberValue {
     }
 }
 
-struct MembersVisitor;
+/// Names and values of the members of an object, in their order. `expected` is what a fault says that there should be.
+pub fn entries<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+    expected: &'static str,
+) -> Result<Vec<(String, T)>, D::Error> {
+    deserializer.deserialize_map(EntriesVisitor { expected, values: PhantomData })
+}
 
-impl<'de> Visitor<'de> for MembersVisitor {
-    type Value = Members;
+struct EntriesVisitor<T> {
+    expected: &'static str,
+    values: PhantomData<T>,
+}
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for EntriesVisitor<T> {
+    type Value = Vec<(String, T)>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("an object")
+        f.write_str(self.expected)
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Members, A::Error> {
-        let mut members = Vec::new();
-        while let Some(member) = map.next_entry()? {
-            members.push(member);
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(entry) = map.next_entry()? {
+            entries.push(entry);
         }
-        Ok(Members(members))
+        Ok(entries)
     }
 }
 
@@ -126,7 +138,8 @@ impl<'de> Visitor<'de> for ValueVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MemberValue, A::Error> {
-        MembersVisitor.visit_map(map).map(MemberValue::Members)
+        let entries = EntriesVisitor { expected: "an object", values: PhantomData }.visit_map(map)?;
+        Ok(MemberValue::Members(Members(entries)))
     }
 }
 

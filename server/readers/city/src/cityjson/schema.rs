@@ -2,15 +2,14 @@
 //! itself.
 
 use super::nested::{Filled, Nested};
+use insula_source::json::members::entries;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::unit_to_byte;
 use serde::Deserialize;
-use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde::de::{Deserializer, IgnoredAny};
 use serde_json::Value;
 use serde_json::value::RawValue;
 use std::collections::BTreeMap;
-use std::fmt;
-use std::marker::PhantomData;
 
 /// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]
@@ -52,25 +51,7 @@ impl RawObjects<'_> {
 
 impl<'de: 'a, 'a> Deserialize<'de> for RawObjects<'a> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_map(RawObjectsVisitor(PhantomData))
-    }
-}
-
-struct RawObjectsVisitor<'a>(PhantomData<&'a ()>);
-
-impl<'de: 'a, 'a> Visitor<'de> for RawObjectsVisitor<'a> {
-    type Value = RawObjects<'a>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a map of city objects")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RawObjects<'a>, A::Error> {
-        let mut objects = Vec::new();
-        while let Some(entry) = map.next_entry()? {
-            objects.push(entry);
-        }
-        Ok(RawObjects(objects))
+        entries(deserializer, "a map of city objects").map(Self)
     }
 }
 
