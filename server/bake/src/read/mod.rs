@@ -107,11 +107,6 @@ pub fn read_embedded(
     read_scene(&listed, BadInputs::new(options.skip_bad_inputs), options, progress)
 }
 
-/// The projection of a named coordinate system; `None` if it is not known.
-pub(crate) fn projection_of(crs: &str) -> Option<proj4rs::Proj> {
-    insula_place::crs::resolve(crs).ok()?.horizontal.definition()?.proj().ok()
-}
-
 /// Where [`read_to_disk`] keeps triangles, textures and objects.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScratchOptions<'a> {

@@ -1,22 +1,14 @@
 //! Where a city lies on Earth, from its coordinate system: clients need it for the sun and for maps beside the city, and have no
 //! table of coordinate systems.
 
-use crate::read::projection_of;
+use insula_place::earth_place::EarthPlace;
 use insula_protocol::manifest::GeoLocation;
-use proj4rs::Proj;
-use proj4rs::adaptors::transform_vertex_2d;
 
 /// Location of the middle of `focus` in a CRS such as `EPSG:7415`. `None` if the CRS is not known, or the place is not in it.
 pub(super) fn locate(crs: &str, focus: [[f64; 2]; 2]) -> Option<GeoLocation> {
-    let from = projection_of(crs)?;
-    let to = Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?;
-    let degrees = |x: f64, y: f64| {
-        let (longitude, latitude) = transform_vertex_2d(&from, &to, (x, y)).ok()?;
-        let (longitude, latitude) = (longitude.to_degrees(), latitude.to_degrees());
-        (longitude.abs() <= 180.0 && latitude.abs() <= 90.0).then_some([longitude, latitude])
-    };
+    let earth = EarthPlace::of(crs)?;
     let [x, y] = [0, 1].map(|axis| (focus[0][axis] + focus[1][axis]) * 0.5);
-    let (here, north) = (degrees(x, y)?, degrees(x, y + 1000.0)?);
+    let (here, north) = (earth.lon_lat([x, y])?, earth.lon_lat([x, y + 1000.0])?);
     let east = (north[0] - here[0]) * libm::cos(here[1].to_radians());
     let north_deg = -libm::atan2(east, north[1] - here[1]).to_degrees();
     Some(GeoLocation { latitude_deg: here[1], longitude_deg: here[0], north_deg })
