@@ -5,6 +5,7 @@ use super::attributes::Attributes;
 use crate::error::InputError;
 pub use insula_objects::FeatureKind;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::rc::Rc;
 
 /// Kinds of objects that are read.
@@ -96,6 +97,13 @@ pub struct Surface {
     pub semantic: Option<Rc<str>>,
     /// Line of the source, from 1, by which faults of the surface are reported; 0 for its object's identifier.
     pub line: u64,
+}
+
+/// Places of the rings among the points of a polygon: the outer one, then those of the holes.
+pub fn ring_ranges(points: usize, hole_starts: &[u32]) -> impl Iterator<Item = Range<usize>> {
+    let starts = hole_starts.iter().map(|start| *start as usize);
+    let ends = starts.clone().chain([points]);
+    [0].into_iter().chain(starts).zip(ends).map(|(start, end)| start..end)
 }
 
 /// Which part of a building a surface is.

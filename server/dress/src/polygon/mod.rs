@@ -7,6 +7,7 @@ use super::counted_float::{CountedFloat, with_steps};
 pub use clean::{Rings, area_m2, clean, crosses_itself};
 use earcut::Earcut;
 use glam::DVec3;
+use insula_source::object::ring_ranges;
 use insula_source::report::SourceReport;
 
 /// Smaller polygons are treated as degenerate.
@@ -226,9 +227,7 @@ impl Triangulator {
 
 /// The rings of a polygon: the outer one, then the holes.
 fn rings_of<'f>(flat: &'f [[f64; 2]], hole_starts: &'f [u32]) -> impl Iterator<Item = &'f [[f64; 2]]> {
-    let starts = [0].into_iter().chain(hole_starts.iter().map(|start| *start as usize));
-    let ends = hole_starts.iter().map(|start| *start as usize).chain([flat.len()]);
-    starts.zip(ends).map(|(start, end)| flat.get(start..end).unwrap_or_default())
+    ring_ranges(flat.len(), hole_starts).map(move |ring| flat.get(ring).unwrap_or_default())
 }
 
 /// Newell's normal: its length is twice the area, and from its tip the ring turns counter-clockwise.

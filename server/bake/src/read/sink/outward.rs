@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use insula_dress::palette::area_vector;
+use insula_source::object::ring_ranges;
 use insula_source::report::SourceFormat;
 
 /// A body is closed if its area vectors add up to less than this share of its area.
@@ -57,11 +58,9 @@ impl ShellSums {
     /// Adds a polygon: the outer ring, then holes that begin at `hole_starts`, in any direction.
     pub(super) fn add_polygon(&mut self, points: &[[f64; 3]], hole_starts: &[u32]) {
         let Some(origin) = points.first() else { return };
-        let starts = std::iter::once(0).chain(hole_starts.iter().map(|start| *start as usize));
-        let ends = hole_starts.iter().map(|start| *start as usize).chain([points.len()]);
         let mut sum = DVec3::ZERO;
-        for (number, (start, end)) in starts.zip(ends).enumerate() {
-            let area = points.get(start..end).map_or(DVec3::ZERO, area_vector);
+        for (number, ring) in ring_ranges(points.len(), hole_starts).enumerate() {
+            let area = points.get(ring).map_or(DVec3::ZERO, area_vector);
             sum += if number > 0 && area.dot(sum) > 0.0 { -area } else { area };
         }
         self.add(*origin, sum);

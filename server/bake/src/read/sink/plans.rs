@@ -3,9 +3,10 @@
 use super::SceneSink;
 use insula_dress::footprint::{BuildingHeight, has_height, is_height};
 use insula_source::attributes::AttributeValue;
-use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Surface, SurfaceRole};
+use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Surface, SurfaceRole, ring_ranges};
 use insula_source::problems::UNIT_GUESSED;
 use insula_source::units::{FOOT_M, metres_of};
+use std::ops::Range;
 
 /// Problem of a building that stays a plan.
 const FLAT: &str = "building of level of detail 0 without a height, drawn flat";
@@ -82,12 +83,7 @@ fn lowest(surface: &Surface) -> Option<f64> {
 }
 
 fn rings(surface: &Surface) -> Vec<Vec<[f64; 2]>> {
-    let ends = surface.hole_starts.iter().map(|start| *start as usize).chain([surface.points.len()]);
-    let mut start = 0;
-    let ring = |end: usize| {
-        let ring = surface.points.get(start..end).unwrap_or_default();
-        start = end;
-        ring.iter().map(|[x, y, _]| [*x, *y]).collect()
-    };
-    ends.map(ring).collect()
+    let on_map =
+        |ring: Range<usize>| surface.points.get(ring).unwrap_or_default().iter().map(|[x, y, _]| [*x, *y]).collect();
+    ring_ranges(surface.points.len(), &surface.hole_starts).map(on_map).collect()
 }

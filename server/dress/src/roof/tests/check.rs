@@ -2,19 +2,17 @@
 
 use crate::roof::{RoofShape, RoofSpec};
 use glam::DVec3;
-use insula_source::object::{Surface, SurfaceRole};
+use insula_source::object::{Surface, SurfaceRole, ring_ranges};
 use std::collections::HashMap;
+use std::ops::Range;
 
 fn bits(point: DVec3) -> [u64; 3] {
     point.to_array().map(|x| (x + 0.0).to_bits())
 }
 
 fn rings(surface: &Surface) -> Vec<Vec<DVec3>> {
-    let mut starts: Vec<usize> = surface.hole_starts.iter().map(|&start| start as usize).collect();
-    starts.insert(0, 0);
-    starts.push(surface.points.len());
-    let ring = |pair: &[usize]| surface.points[pair[0]..pair[1]].iter().copied().map(DVec3::from).collect();
-    starts.windows(2).map(ring).collect()
+    let ring = |ring: Range<usize>| surface.points[ring].iter().copied().map(DVec3::from).collect();
+    ring_ranges(surface.points.len(), &surface.hole_starts).map(ring).collect()
 }
 
 fn edges(ring: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {

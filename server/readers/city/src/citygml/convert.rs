@@ -5,7 +5,7 @@ use super::gather::{Faults, Piece, PieceGeometry};
 use super::shape::open_ring;
 use super::store::StoredGeometry;
 use super::tree::{Ring, Tree};
-use insula_source::object::{ObjectSink, Shape, Surface, TriangleMesh};
+use insula_source::object::{ObjectSink, Shape, Surface, TriangleMesh, ring_ranges};
 use std::collections::HashMap;
 
 const FEW_POINTS: &str = "ring has fewer than three points";
@@ -182,11 +182,9 @@ impl<'c> Converter<'c> {
             surface.role = piece.role;
             place_all(piece, &mut surface.points);
             if piece.is_reversed {
-                let starts = surface.hole_starts.iter().map(|start| *start as usize);
-                let bounds: Vec<_> = std::iter::once(0).chain(starts).chain([surface.points.len()]).collect();
-                for ring in bounds.windows(2) {
-                    surface.points[ring[0]..ring[1]].reverse();
-                    if let Some(uv) = surface.uv.get_mut(ring[0]..ring[1]) {
+                for ring in ring_ranges(surface.points.len(), &surface.hole_starts) {
+                    surface.points[ring.clone()].reverse();
+                    if let Some(uv) = surface.uv.get_mut(ring) {
                         uv.reverse();
                     }
                 }
