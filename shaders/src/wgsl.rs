@@ -84,11 +84,14 @@ use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag};
 use std::f32::consts::TAU;
 use std::fmt;
 
-/// A file of `wgsl`, as `build.rs` copied it.
+/// A file of `wgsl`, as `build.rs` copied it, or a list of them.
 #[cfg(not(target_arch = "wasm32"))]
 macro_rules! wgsl {
     ($file:literal) => {
         include_str!(concat!(env!("OUT_DIR"), "/", $file))
+    };
+    ($($file:literal),+ $(,)?) => {
+        [$(wgsl!($file)),+]
     };
 }
 /// The name of a file: browsers get its text by [`load`].
@@ -96,6 +99,9 @@ macro_rules! wgsl {
 macro_rules! wgsl {
     ($file:literal) => {
         $file
+    };
+    ($($file:literal),+ $(,)?) => {
+        [$($file),+]
     };
 }
 
@@ -133,13 +139,10 @@ fn file_in<'a>(joined: &'a str, name: &str) -> Option<&'a str> {
     joined.split("//@ ").find_map(|part| part.strip_prefix(name)?.strip_prefix('\n')?.strip_suffix('\n'))
 }
 
-const LAYOUT: &str = wgsl!("shared/layout.wgsl");
-const MATH: &str = wgsl!("shared/math.wgsl");
 const DEPTH: &str = wgsl!("shared/depth.wgsl");
 const COMPOSE_UNIFORM: &str = wgsl!("shared/compose_uniform.wgsl");
 const SRGB: &str = wgsl!("shared/srgb.wgsl");
 const TONE: &str = wgsl!("shared/tone.wgsl");
-const WORDS: &str = wgsl!("shared/words.wgsl");
 const COMPOSE: &str = wgsl!("compose.wgsl");
 const CONTACT: &str = wgsl!("contact.wgsl");
 const METER: &str = wgsl!("meter.wgsl");
@@ -151,30 +154,11 @@ pub fn raycast() -> String {
 }
 
 /// Files of the ray-caster.
-const RAYCAST: [&str; 23] = [
-    LAYOUT,
-    MATH,
-    SRGB,
-    TONE,
-    WORDS,
-    wgsl!("ray.wgsl"),
-    wgsl!("raycast.wgsl"),
-    wgsl!("walk.wgsl"),
-    wgsl!("node.wgsl"),
-    wgsl!("column.wgsl"),
-    wgsl!("solid.wgsl"),
-    wgsl!("objects.wgsl"),
-    wgsl!("mesh.wgsl"),
-    wgsl!("mesh_surface.wgsl"),
-    wgsl!("landmark.wgsl"),
-    wgsl!("shade.wgsl"),
-    wgsl!("sea.wgsl"),
-    wgsl!("night.wgsl"),
-    wgsl!("noise.wgsl"),
-    wgsl!("stone.wgsl"),
-    wgsl!("ward.wgsl"),
-    wgsl!("translucency.wgsl"),
-    wgsl!("translucency_map.wgsl"),
+const RAYCAST: [&str; 23] = wgsl![
+    "shared/layout.wgsl", "shared/math.wgsl", "shared/srgb.wgsl", "shared/tone.wgsl", "shared/words.wgsl", "ray.wgsl",
+    "raycast.wgsl", "walk.wgsl", "node.wgsl", "column.wgsl", "solid.wgsl", "objects.wgsl", "mesh.wgsl",
+    "mesh_surface.wgsl", "landmark.wgsl", "shade.wgsl", "sea.wgsl", "night.wgsl", "noise.wgsl", "stone.wgsl",
+    "ward.wgsl", "translucency.wgsl", "translucency_map.wgsl",
 ];
 
 /// The ray-caster and `kernel`: an entry point that calls its functions of stone, `stone_surface` and `reflect_stone`, for tests.
@@ -288,41 +272,28 @@ fn declarations(constants: &[(&str, Literal)]) -> String {
 }
 
 fn constants() -> String {
-    [binding_constants(), landmark_constants(), other_constants()].concat()
+    [binding_constants(), shading_constants(), landmark_constants(), other_constants()].concat()
 }
 
 /// Declarations of bindings and locations.
 fn binding_constants() -> String {
-    declare! {
-        u32 {
-            BINDING_FRAME = binding::FRAME,
-            BINDING_GRID = binding::GRID,
-            BINDING_NODES = binding::NODES,
-            BINDING_SUMMARIES = binding::SUMMARIES,
-            BINDING_ATLAS = binding::ATLAS,
-            BINDING_COLOUR = binding::COLOUR,
-            BINDING_DISTANCE = binding::DISTANCE,
-            BINDING_HIT = binding::HIT,
-            BINDING_ATLAS_VEC4S = binding::ATLAS_VEC4S,
-            BINDING_COMPOSE_SETTINGS = binding::COMPOSE_SETTINGS,
-            BINDING_COMPOSE_COLOUR = binding::COMPOSE_COLOUR,
-            BINDING_COMPOSE_EXPOSURE = binding::COMPOSE_EXPOSURE,
-            BINDING_COMPOSE_HIT = binding::COMPOSE_HIT,
-            BINDING_COMPOSE_DISTANCE = binding::COMPOSE_DISTANCE,
-            BINDING_COMPOSE_SHADE = binding::COMPOSE_SHADE,
-            BINDING_COUNTS_SIZE = binding::COUNTS_SIZE,
-            BINDING_COUNTS_HIT = binding::COUNTS_HIT,
-            BINDING_COUNTS = binding::COUNTS,
-            LOCATION_PLACE = binding::LOCATION_PLACE,
-            LOCATION_NUMBER = binding::LOCATION_NUMBER,
-            BINDING_OCCLUSION_VIEW = binding::OCCLUSION_VIEW,
-            BINDING_OCCLUSION_PLACES = binding::OCCLUSION_PLACES,
-            BINDING_OCCLUSION_NORMALS = binding::OCCLUSION_NORMALS,
-            BINDING_OCCLUSION_NEAR = binding::OCCLUSION_NEAR,
-            BINDING_OCCLUSION_FAR = binding::OCCLUSION_FAR,
-            BINDING_OCCLUSION_SUMS = binding::OCCLUSION_SUMS,
-        }
+    macro_rules! numbers {
+        ($prefix:literal $($name:ident)+) => {
+            declarations(&[$((concat!($prefix, stringify!($name)), literal!(u32 binding::$name))),+])
+        };
     }
+    let bindings = numbers! { "BINDING_"
+        FRAME GRID NODES SUMMARIES ATLAS COLOUR DISTANCE HIT ATLAS_VEC4S
+        COMPOSE_SETTINGS COMPOSE_COLOUR COMPOSE_EXPOSURE COMPOSE_HIT COMPOSE_DISTANCE COMPOSE_SHADE
+        COUNTS_SIZE COUNTS_HIT COUNTS
+        OCCLUSION_VIEW OCCLUSION_PLACES OCCLUSION_NORMALS OCCLUSION_NEAR OCCLUSION_FAR OCCLUSION_SUMS
+    };
+    bindings + &numbers! { "" LOCATION_PLACE LOCATION_NUMBER }
+}
+
+fn shading_constants() -> String {
+    let all = Shading::ALL.into_iter().chain([Shading::Objects]);
+    all.map(|shading| format!("const SHADING_{} = {}u;\n", shading.word().to_uppercase(), shading as u32)).collect()
 }
 
 /// Declarations of constants of landmarks, stone and translucency.
@@ -372,18 +343,6 @@ fn other_constants() -> String {
         u32 { SUMMARY_VEC4S, SUMMARY_BYTE_SHIFT, QUAD_TOP_BITS, QUAD_TOP_MASK = QUAD_TOP_MAX, BLOCK_SHIFT }
         i32 { NODE_CELLS, NODE_BLOCKS, BLOCK_CELLS }
         f32 { Z_TOP, QUARTER_MAX, QUAD_TOP_MAX }
-        u32 {
-            SHADING_LIT = Shading::Lit,
-            SHADING_ALBEDO = Shading::Albedo,
-            SHADING_AO = Shading::Ao,
-            SHADING_NORMAL = Shading::Normal,
-            SHADING_LOD = Shading::Lod,
-            SHADING_KIND = Shading::Kind,
-            SHADING_OBJECTS = Shading::Objects,
-            SHADING_WIRE = Shading::Wire,
-            SHADING_TRIANGLES = Shading::Triangles,
-            SHADING_BOUNDS = Shading::Bounds,
-        }
         // Words of the atlas.
         u32 { PAGE_WORDS, WALK_PLANE, ROOF_PLANE, ATTRIBUTE_PLANE, STRIP_PLANE, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK }
         u32 { OBJECT_BITS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED }
