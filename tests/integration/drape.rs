@@ -21,6 +21,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use tiff::encoder::TiffEncoder;
+use tiff::encoder::colortype::RGB8;
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![pictures_from_above_lie_where_they_belong]);
@@ -70,33 +72,10 @@ fn picture_rows() -> Vec<[u8; 3]> {
     (0..TEXELS * TEXELS).map(|i| picture(middle(i % TEXELS), middle(TEXELS - 1 - i / TEXELS))).collect()
 }
 
-/// Writes the picture as a TIFF of one strip, with its place beside it.
+/// Writes the picture, with its place beside it.
 fn write_picture(folder: &Path) -> Result<()> {
-    const ENTRIES: u16 = 9;
-    let strip = 8 + 2 + 12 * u32::from(ENTRIES) + 4 + 6;
-    let mut tiff = b"II*\0\x08\0\0\0".to_vec();
-    tiff.extend(ENTRIES.to_le_bytes());
-    let side = TEXELS as u32;
-    let entries: [(u16, u16, u32, u32); ENTRIES as usize] = [
-        (256, 4, 1, side),
-        (257, 4, 1, side),
-        // The three sizes of samples are before the strip.
-        (258, 3, 3, strip - 6),
-        (259, 3, 1, 1),
-        (262, 3, 1, 2),
-        (273, 4, 1, strip),
-        (277, 3, 1, 3),
-        (278, 4, 1, side),
-        (279, 4, 1, 3 * side * side),
-    ];
-    for (tag, kind, count, value) in entries {
-        tiff.extend(tag.to_le_bytes().into_iter().chain(kind.to_le_bytes()));
-        tiff.extend(count.to_le_bytes().into_iter().chain(value.to_le_bytes()));
-    }
-    tiff.extend([0; 4]);
-    tiff.extend([8_u16; 3].into_iter().flat_map(u16::to_le_bytes));
-    tiff.extend(picture_rows().into_iter().flatten());
-    fs::write(folder.join("photo.tif"), tiff)?;
+    let mut encoder = TiffEncoder::new(fs::File::create(folder.join("photo.tif"))?)?;
+    encoder.write_image::<RGB8>(TEXELS as u32, TEXELS as u32, picture_rows().as_flattened())?;
     // Sides and middle of the north-western texel.
     let [west, north] = [CORNER[0] + TEXEL_M / 2.0, CORNER[1] + SIDE_M - TEXEL_M / 2.0];
     fs::write(folder.join("photo.tfw"), format!("{TEXEL_M}\n0\n0\n-{TEXEL_M}\n{west}\n{north}\n"))?;
