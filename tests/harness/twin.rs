@@ -2,10 +2,13 @@
 
 use crate::draw_list::Scene;
 use crate::gpu::Gpu;
-use crate::view::Camera;
+use crate::random::{self, Pose, RandomCity};
+use crate::rng::Rng;
+use crate::view::{Camera, FrameSpec};
 use anyhow::{Result, bail};
 use glam::Vec2;
 use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::layout::Shading;
 
 /// Largest allowed difference of a colour channel.
 pub const COLOUR_STEPS: u8 = 2;
@@ -84,6 +87,50 @@ pub fn agree(gpu: &Gpu, scene: &Scene<'_>, camera: &Camera, what: &str) -> Resul
     Ok(difference)
 }
 
+/// Fails unless the GPU draws cities from all poses as the CPU does. `scene` gives what a camera sees of the city of a number.
+pub fn agree_in_all_poses<'a>(
+    gpu: &Gpu,
+    cities: impl Iterator<Item = &'a RandomCity>,
+    first_seed: u64,
+    scene: impl Fn(u64, &'a RandomCity, &Camera) -> Scene<'a>,
+) -> Result<()> {
+    let (mut pixels, mut differing) = (0, 0);
+    for (number, city) in (0..).zip(cities) {
+        let mut rng = Rng::new(first_seed + number);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let scene = scene(number, city, &camera);
+            let difference = agree(gpu, &scene, &camera, &format!("city {number}, {pose:?}"))?;
+            pixels += difference.pixels;
+            differing += difference.differing;
+        }
+    }
+    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
+    Ok(())
+}
+
+/// Fails unless the GPU draws cities in every shading as the CPU does, with one and with nine rays a pixel. `scene` gives what a camera sees
+/// of a city.
+pub fn agree_in_every_shading<'a>(
+    gpu: &Gpu,
+    cities: impl Iterator<Item = &'a RandomCity>,
+    first_seed: u64,
+    frame: FrameSpec,
+    scene: impl Fn(&'a RandomCity, &Camera, &FrameSpec) -> Scene<'a>,
+) -> Result<()> {
+    for (number, city) in (0..).zip(cities) {
+        let mut rng = Rng::new(first_seed + number);
+        for (shading, samples) in Shading::ALL.into_iter().flat_map(|shading| [(shading, 1), (shading, 3)]) {
+            let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+            let camera = random::camera(&mut rng, city, pose);
+            let scene = scene(city, &camera, &FrameSpec { shading, samples, ..frame });
+            let what = format!("city {number}, {pose:?}, {}, {samples} samples", shading.word());
+            agree(gpu, &scene, &camera, &what)?;
+        }
+    }
+    Ok(())
+}
+
 /// Compares two frames. Frames of different sizes differ everywhere.
 pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
     let pixels = first.colour.len();
@@ -107,7 +154,8 @@ pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
     difference
 }
 
-fn same_colour(a: u32, b: u32, steps: u8) -> bool {
+/// Whether no channel of two colours differs by more.
+pub fn same_colour(a: u32, b: u32, steps: u8) -> bool {
     a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= steps)
 }
 

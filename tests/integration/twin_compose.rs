@@ -6,11 +6,11 @@ use insula_shaders::gpu::{Compose, DeviceQueue, Raycaster};
 use insula_shaders::layout::Shading;
 use insula_shaders::look::Look;
 use insula_tests::gpu::Gpu;
-use insula_tests::gpu_tests;
 use insula_tests::random::{self, Pose};
 use insula_tests::rng::Rng;
 use insula_tests::trials::Trials;
 use insula_tests::view::{FrameSpec, in_look};
+use insula_tests::{gpu_tests, twin};
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(gpu_tests![target_shows_the_pixels_of_the_ray_caster]);
@@ -47,11 +47,10 @@ fn target_shows_a_look(gpu: &Gpu, look: Look) -> Result<()> {
         for target_px in TARGETS_PX {
             let found = compose(gpu, &raycaster, format, target_px)?;
             for (i, found) in (0..).zip(&found) {
-                let reference = nearest_pixel(&frame, [i % target_px[0], i / target_px[0]], target_px).to_le_bytes();
-                let differs = found.to_le_bytes().iter().zip(reference).any(|(a, b)| a.abs_diff(b) > STEPS);
+                let reference = nearest_pixel(&frame, [i % target_px[0], i / target_px[0]], target_px);
                 anyhow::ensure!(
-                    !differs,
-                    "{look:?}, {format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {reference:02x?}"
+                    twin::same_colour(*found, reference, STEPS),
+                    "{look:?}, {format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {reference:08x}"
                 );
             }
         }

@@ -53,17 +53,8 @@ fn cities() -> &'static [City] {
     })
 }
 
-fn twins_agree(
-    gpu: &Gpu,
-    city: &RandomCity,
-    camera: &Camera,
-    spec: &FrameSpec,
-    shadow_m: f32,
-    what: &str,
-) -> Result<twin::Difference> {
-    let mut scene = city.draw_list.scene(camera, spec);
-    scene.frame.shadow_m = shadow_m;
-    twin::agree(gpu, &scene, camera, what)
+fn drawn() -> impl Iterator<Item = &'static RandomCity> {
+    cities().iter().map(|(city, _)| city)
 }
 
 fn no_ray_on_the_gpu_passes_a_closed_surface(gpu: &Gpu) -> Result<()> {
@@ -76,50 +67,25 @@ fn no_ray_on_the_gpu_passes_a_closed_surface(gpu: &Gpu) -> Result<()> {
 }
 
 fn gpu_draws_meshes_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
-    let (mut pixels, mut differing) = (0, 0);
-    for (seed, (city, _)) in cities().iter().enumerate() {
-        let mut rng = Rng::new(3000 + seed as u64);
-        for pose in Pose::ALL {
-            let camera = random::camera(&mut rng, city, pose);
-            let shadow_m = if seed % 3 == 0 { 500.0 } else { 0.0 };
-            let what = format!("city {seed}, {pose:?}");
-            let difference = twins_agree(gpu, city, &camera, &FRAME, shadow_m, &what)?;
-            pixels += difference.pixels;
-            differing += difference.differing;
-        }
-    }
-    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
-    Ok(())
+    twin::agree_in_all_poses(gpu, drawn(), 3000, |number, city, camera| {
+        let mut scene = city.draw_list.scene(camera, &FRAME);
+        scene.frame.shadow_m = if number % 3 == 0 { 500.0 } else { 0.0 };
+        scene
+    })
 }
 
 fn gpu_draws_what_is_added_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
-    for (seed, (city, _)) in cities().iter().enumerate().take(2) {
-        let mut rng = Rng::new(4000 + seed as u64);
-        for pose in Pose::ALL {
-            let camera = random::camera(&mut rng, city, pose);
-            let mut scene = city.draw_list.scene(&camera, &FRAME);
-            scene.frame.shadow_m = 500.0;
-            scene.add_moved_meshes([7.0, -3.0, 5.0]);
-            twin::agree(gpu, &scene, &camera, &format!("city {seed} with additions, {pose:?}"))?;
-        }
-    }
-    Ok(())
+    twin::agree_in_all_poses(gpu, drawn().take(2), 4000, |_, city, camera| {
+        let mut scene = city.draw_list.scene(camera, &FRAME);
+        scene.frame.shadow_m = 500.0;
+        scene.add_moved_meshes([7.0, -3.0, 5.0]);
+        scene
+    })
 }
 
 fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
-    for (seed, (city, _)) in cities().iter().enumerate().take(if tier::is_full() { 3 } else { 2 }) {
-        let mut rng = Rng::new(5000 + seed as u64);
-        for shading in Shading::ALL {
-            for samples in [1, 3] {
-                let pose = Pose::ALL[rng.below(Pose::ALL.len())];
-                let camera = random::camera(&mut rng, city, pose);
-                let spec = FrameSpec { shading, samples, ..FRAME };
-                let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
-                twins_agree(gpu, city, &camera, &spec, 0.0, &what)?;
-            }
-        }
-    }
-    Ok(())
+    let some = drawn().take(if tier::is_full() { 3 } else { 2 });
+    twin::agree_in_every_shading(gpu, some, 5000, FRAME, |city, camera, spec| city.draw_list.scene(camera, spec))
 }
 
 /// Distances and normals agree, except at the edges of triangles.

@@ -17,7 +17,7 @@ use insula_shaders::pack::PackedNode;
 use insula_shaders::shore::Shore;
 use insula_shaders::tone::decode_radiance;
 use insula_test_support::tier;
-use insula_tests::draw_list::{CityArea, DrawList};
+use insula_tests::draw_list::{CityArea, DrawList, Scene};
 use insula_tests::gpu::Gpu;
 use insula_tests::random::{self, Pose, RandomCity};
 use insula_tests::reference_caster::{ReferenceCaster, ReferencePixel};
@@ -57,49 +57,21 @@ fn cities() -> &'static [RandomCity] {
     CITIES.get_or_init(|| (0..count).map(|seed| random::city(seed).expect("random cities are valid")).collect())
 }
 
-/// Compares the frames of both ray-casters. `what` names the view in errors.
-fn twins_agree(
-    gpu: &Gpu,
-    city: &RandomCity,
-    camera: &Camera,
-    spec: &FrameSpec,
-    what: &str,
-) -> Result<twin::Difference> {
+/// A city, on ground that every second number of samples draws.
+fn grounded<'a>(city: &'a RandomCity, camera: &Camera, spec: &FrameSpec) -> Scene<'a> {
     let mut scene = city.draw_list.scene(camera, spec);
     scene.frame.ground = spec.samples % 2;
     scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
-    twin::agree(gpu, &scene, camera, what)
+    scene
 }
 
 fn gpu_draws_what_the_cpu_draws(gpu: &Gpu) -> Result<()> {
-    let (mut pixels, mut differing) = (0, 0);
-    for (seed, city) in cities().iter().enumerate() {
-        let mut rng = Rng::new(1000 + seed as u64);
-        for pose in Pose::ALL {
-            let camera = random::camera(&mut rng, city, pose);
-            let difference = twins_agree(gpu, city, &camera, &FRAME, &format!("city {seed}, {pose:?}"))?;
-            pixels += difference.pixels;
-            differing += difference.differing;
-        }
-    }
-    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
-    Ok(())
+    twin::agree_in_all_poses(gpu, cities().iter(), 1000, |_, city, camera| grounded(city, camera, &FRAME))
 }
 
 fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
-    for (seed, city) in cities().iter().enumerate().take(if tier::is_full() { 4 } else { 2 }) {
-        let mut rng = Rng::new(2000 + seed as u64);
-        for shading in Shading::ALL {
-            for samples in [1, 3] {
-                let pose = Pose::ALL[rng.below(Pose::ALL.len())];
-                let camera = random::camera(&mut rng, city, pose);
-                let spec = FrameSpec { shading, samples, ..FRAME };
-                let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
-                twins_agree(gpu, city, &camera, &spec, &what)?;
-            }
-        }
-    }
-    Ok(())
+    let some = cities().iter().take(if tier::is_full() { 4 } else { 2 });
+    twin::agree_in_every_shading(gpu, some, 2000, FRAME, grounded)
 }
 
 /// Both see the same objects, and draw them in the same colours, hidden and outlined.
@@ -146,9 +118,7 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             views.into_iter().enumerate().filter(|(k, _)| tier::is_full() || (i + k) % 3 > 0).map(|(_, view)| view)
         {
             let camera = random::camera(&mut rng, city, pose);
-            let mut scene = city.draw_list.scene(&camera, &FRAME);
-            scene.frame.ground = 1;
-            scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
+            let mut scene = grounded(city, &camera, &FRAME);
             let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
             let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
             let night = NightLights { moon: Some(scene.frame.forward.into()), lit_windows: i % 2 == 1 };
@@ -211,10 +181,9 @@ fn each_ray_of_a_cross_fade_sees_one_side() -> Result<()> {
                 scene.render()
             };
             let [both, new, old] = [draw(&draw_lists[0]), draw(&draw_lists[1]), draw(&draw_lists[2])];
-            let near = |a: u32, b: u32| a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 1);
             let same = |a: &Pixels, i: usize| {
                 let (a_m, b_m) = (a.distance[i], both.distance[i]);
-                near(a.colour[i], both.colour[i]) && (a_m == b_m || (a_m - b_m).abs() < 1e-6 * b_m)
+                twin::same_colour(a.colour[i], both.colour[i], 1) && (a_m == b_m || (a_m - b_m).abs() < 1e-6 * b_m)
             };
             for i in 0..both.colour.len() {
                 match (same(&new, i), same(&old, i)) {
@@ -363,18 +332,14 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     Ok(())
 }
 
-/// Whether colours are the same but for the rounding that dithering varies.
-fn is_dithered_alike(a: u32, b: u32) -> bool {
-    a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 2)
-}
-
 /// A pixel whose neighbours are all like it.
 fn flat_pixel(frame: &Pixels) -> Result<usize> {
     let (width, height) = (frame.width_px as usize, frame.height_px as usize);
     let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
         let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
         around.iter().all(|n| {
-            let alike = frame.hit[*n] == frame.hit[*i] && is_dithered_alike(frame.colour[*n], frame.colour[*i]);
+            // Dithering varies the rounding.
+            let alike = frame.hit[*n] == frame.hit[*i] && twin::same_colour(frame.colour[*n], frame.colour[*i], 2);
             alike && frame.distance[*i].is_finite() && (frame.distance[*n] / frame.distance[*i] - 1.0).abs() < 0.01
         })
     });
@@ -516,8 +481,7 @@ fn compare_with_reference(
         }
         let sky = || background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky;
         let rgb = if reference_m.is_finite() { seen.rgb.as_vec3() } else { sky() };
-        let reference = encode_srgb(rgb).to_le_bytes();
-        drawn.colour[i as usize].to_le_bytes().iter().zip(reference).all(|(a, b)| a.abs_diff(b) <= 3)
+        twin::same_colour(drawn.colour[i as usize], encode_srgb(rgb), 3)
     };
     if agrees(reference_caster.cast(camera, dir, pixel)) {
         return Verdict::Equal;
