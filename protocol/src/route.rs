@@ -41,6 +41,8 @@ const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
 pub const THUMBNAIL_FILE: &str = "thumbnail.jpg";
+/// Most parts of a path between slashes.
+const MAX_SEGMENTS: usize = 11;
 /// Width and height of a city's picture in pixels.
 pub const THUMBNAIL_PX: [u32; 2] = [1280, 720];
 
@@ -151,39 +153,39 @@ impl<'a> Route<'a> {
             SERVICE_WORKER => return Ok(Self::ServiceWorker),
             _ => {}
         }
-        if let Some(rest) = below(path, PAGES) {
-            return parse_page(rest);
+        let mut all = [""; MAX_SEGMENTS];
+        let mut count = 0;
+        for segment in path.strip_prefix('/').ok_or(RouteError::Unknown)?.split('/') {
+            *all.get_mut(count).ok_or(RouteError::Unknown)? = segment;
+            count += 1;
         }
-        if let Some((hash, file)) = below(path, ASSETS).and_then(|rest| rest.split_once('/')) {
-            let is_asset = is_name(hash) && is_asset_name(file);
-            return if is_asset { Ok(Self::Asset { hash, file }) } else { Err(RouteError::Unknown) };
-        }
-        let rest = below(path, CITIES).ok_or(RouteError::Unknown)?;
-        if let Some((city, file)) = rest.split_once(TILESETS) {
-            return parse_tileset(city, file);
-        }
-        if let Some((word, city, version)) = parse_query(rest) {
-            let is_valid = is_name(city) && is_name(version);
-            return match word {
-                _ if !is_valid => Err(RouteError::InvalidName),
-                SEARCH => Ok(Self::Search { city, version }),
-                _ => Ok(Self::Filter { city, version }),
-            };
-        }
-        if let Some(group) = parse_group(rest) {
-            return group;
-        }
-        match rest.split_once('/') {
-            Some((city, DRAW | ANALYSE | PROPOSALS_FILE)) if !is_name(city) => return Err(RouteError::InvalidName),
-            Some((city, DRAW)) => return Ok(Self::Draw { city }),
-            Some((city, ANALYSE)) => return Ok(Self::Analyse { city }),
-            Some((city, PROPOSALS_FILE)) => return Ok(Self::Proposals { city }),
-            _ => {}
-        }
-        if rest.contains('/') {
-            return parse_tile(rest).map(Self::Tile);
-        }
-        if is_name(rest) { Ok(Self::Manifest { city: rest }) } else { Err(RouteError::InvalidName) }
+        let (route, names) = match all[..count] {
+            ["assets", hash, file] if is_name(hash) && is_asset_name(file) => return Ok(Self::Asset { hash, file }),
+            ["cities", city] => (Self::CityPage { city }, [city; 2]),
+            ["cities", city, THUMBNAIL_FILE] => (Self::Thumbnail { city }, [city; 2]),
+            ["v1", "cities", city] => (Self::Manifest { city }, [city; 2]),
+            ["v1", "cities", city, "3dtiles", TILESET_FILE] => (Self::Tileset { city }, [city; 2]),
+            ["v1", "cities", city, "3dtiles", version, folder, level, x, y] => {
+                let (kind, id) = parse_tileset_file(folder, [level, x, y])?;
+                (Self::TilesetFile { city, version, kind, id }, [city, version])
+            }
+            ["v1", "cities", _, "3dtiles", ..] => return Err(RouteError::Unknown),
+            ["v1", "cities", city, DRAW] => (Self::Draw { city }, [city; 2]),
+            ["v1", "cities", city, ANALYSE] => (Self::Analyse { city }, [city; 2]),
+            ["v1", "cities", city, PROPOSALS_FILE] => (Self::Proposals { city }, [city; 2]),
+            ["v1", "cities", city, version, SEARCH] => (Self::Search { city, version }, [city, version]),
+            ["v1", "cities", city, version, FILTER] => (Self::Filter { city, version }, [city, version]),
+            ["v1", "cities", city, version, GROUPS, kind, level, x, y, nodes, lod] => {
+                let group = parse_group(kind, [level, x, y], nodes, lod).ok_or(RouteError::InvalidTile)?;
+                (Self::Group { city, version, group }, [city, version])
+            }
+            ["v1", "cities", city, version, kind, ref place @ ..] => {
+                let (kind, id, lod) = parse_tile(kind, place)?;
+                (Self::Tile(TileRoute { city, version, kind, id, lod }), [city, version])
+            }
+            _ => return Err(RouteError::Unknown),
+        };
+        if names.into_iter().all(is_name) { Ok(route) } else { Err(RouteError::InvalidName) }
     }
 
     /// The path of the address.
@@ -261,49 +263,13 @@ impl fmt::Display for Route<'_> {
     }
 }
 
-/// What follows a prefix and a slash.
-fn below<'a>(path: &'a str, prefix: &str) -> Option<&'a str> {
-    path.strip_prefix(prefix)?.strip_prefix('/')
-}
-
-/// Parses `{city}`, and `{city}/thumbnail.jpg`.
-fn parse_page(rest: &str) -> Result<Route<'_>, RouteError> {
-    let (city, file) = rest.split_once('/').map_or((rest, None), |(city, file)| (city, Some(file)));
-    match file {
-        Some(file) if file != THUMBNAIL_FILE => Err(RouteError::Unknown),
-        _ if !is_name(city) => Err(RouteError::InvalidName),
-        Some(_) => Ok(Route::Thumbnail { city }),
-        None => Ok(Route::CityPage { city }),
-    }
-}
-
-/// The parts of `{city}/{version}/search` and `{city}/{version}/filter`, the word first; `None` for other shapes.
-fn parse_query(rest: &str) -> Option<(&str, &str, &str)> {
-    let (place, word) = rest.rsplit_once('/').filter(|(_, word)| [SEARCH, FILTER].contains(word))?;
-    let (city, version) = place.split_once('/').filter(|(_, version)| !version.contains('/'))?;
-    Some((word, city, version))
-}
-
-/// Parses `tileset.json`, and `{version}/{kind}/{level}/{x}/{y}` with the extension of the kind.
-fn parse_tileset<'a>(city: &'a str, file: &'a str) -> Result<Route<'a>, RouteError> {
-    if city.contains('/') {
-        return Err(RouteError::Unknown);
-    }
-    if file == TILESET_FILE {
-        return if is_name(city) { Ok(Route::Tileset { city }) } else { Err(RouteError::InvalidName) };
-    }
-    let mut segments = file.split('/');
-    let mut segment = || segments.next().ok_or(RouteError::Unknown);
-    let (version, folder, level, x, y) = (segment()?, segment()?, segment()?, segment()?, segment()?);
+/// The kind and node of `{kind}/{level}/{x}/{y}` with the extension of the kind.
+fn parse_tileset_file(folder: &str, [level, x, y]: [&str; 3]) -> Result<(TilesetFileKind, TileId), RouteError> {
     let of_folder = |kind: &TilesetFileKind| kind.names().0 == folder;
     let kind = [TilesetFileKind::Subtree, TilesetFileKind::Content].into_iter().find(of_folder);
-    let y = kind.and_then(|kind| y.strip_suffix(kind.names().1));
-    let (Some(kind), Some(y), None) = (kind, y, segments.next()) else { return Err(RouteError::Unknown) };
-    let id = parse_node(level, x, y).ok_or(RouteError::InvalidTile)?;
-    if !is_name(city) || !is_name(version) {
-        return Err(RouteError::InvalidName);
-    }
-    Ok(Route::TilesetFile { city, version, kind, id })
+    let kind = kind.ok_or(RouteError::Unknown)?;
+    let y = y.strip_suffix(kind.names().1).ok_or(RouteError::Unknown)?;
+    Ok((kind, parse_node(level, x, y).ok_or(RouteError::InvalidTile)?))
 }
 
 fn parse_node(level: &str, x: &str, y: &str) -> Option<TileId> {
@@ -316,54 +282,30 @@ pub fn is_asset_name(name: &str) -> bool {
     (1..=64).contains(&name.len()) && !name.starts_with('.') && name.bytes().all(is_allowed)
 }
 
-/// Parses `{city}/{version}/{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes, and `{city}/{version}/objects/{block}`.
-fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
-    let mut segments = rest.split('/');
-    let mut segment = || segments.next().ok_or(RouteError::Unknown);
-    let (city, version) = (segment()?, segment()?);
-    let kind = TileKind::from_path_segment(segment()?).ok_or(RouteError::Unknown)?;
-    if kind == TileKind::Objects {
-        let block = segment()?;
-        return if segments.next().is_some() { Err(RouteError::Unknown) } else { parse_objects(city, version, block) };
-    }
-    let (level, x, y) = (segment()?, segment()?, segment()?);
-    let lod = if kind == TileKind::Mesh { segment()? } else { "0" };
-    if segments.next().is_some() {
-        return Err(RouteError::Unknown);
-    }
-    let id = parse_node(level, x, y).ok_or(RouteError::InvalidTile)?;
-    let lod = parse_number(lod).and_then(|lod| u8::try_from(lod).ok()).filter(|lod| *lod < mesh_tile::MAX_LODS);
-    let lod = lod.ok_or(RouteError::InvalidTile)?;
-    if !is_name(city) || !is_name(version) {
-        return Err(RouteError::InvalidName);
-    }
-    Ok(TileRoute { city, version, kind, id, lod })
-}
-
-/// Parses `{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}`; `None` for other shapes.
-fn parse_group(rest: &str) -> Option<Result<Route<'_>, RouteError>> {
-    let segments: Vec<&str> = rest.splitn(10, '/').collect();
-    let [city, version, GROUPS, kind, level, x, y, count, lod] = segments[..] else { return None };
-    let group = || {
-        let count = parse_number(count).filter(|count| count.is_power_of_two())?;
-        let (kind, lod) = (TileKind::from_path_segment(kind)?, u8::try_from(parse_number(lod)?).ok()?);
-        TileGroup::new(kind, parse_node(level, x, y)?, count.trailing_zeros() as u8, lod)
+/// The kind, node and level of detail of `{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes, and of `objects/{block}`.
+fn parse_tile(kind: &str, place: &[&str]) -> Result<(TileKind, TileId, u8), RouteError> {
+    let kind = TileKind::from_path_segment(kind).ok_or(RouteError::Unknown)?;
+    let (id, lod) = match (kind, place) {
+        (TileKind::Objects, [SCHEMA]) => (Some(SCHEMA_ID), Some(0)),
+        (TileKind::Objects, [block]) => (parse_number(block).and_then(object_tile::block_id), Some(0)),
+        (TileKind::Mesh, [level, x, y, lod]) => (parse_node(level, x, y), parse_lod(lod)),
+        (TileKind::Subtree | TileKind::BlockMap | TileKind::Visibility, [level, x, y]) => {
+            (parse_node(level, x, y), Some(0))
+        }
+        _ => return Err(RouteError::Unknown),
     };
-    Some(match group() {
-        None => Err(RouteError::InvalidTile),
-        Some(_) if !is_name(city) || !is_name(version) => Err(RouteError::InvalidName),
-        Some(group) => Ok(Route::Group { city, version, group }),
-    })
+    let (id, lod) = id.zip(lod).ok_or(RouteError::InvalidTile)?;
+    Ok((kind, id, lod))
 }
 
-/// The address of a block of objects, or of their schema.
-fn parse_objects<'a>(city: &'a str, version: &'a str, block: &str) -> Result<TileRoute<'a>, RouteError> {
-    let id = if block == SCHEMA { Some(SCHEMA_ID) } else { parse_number(block).and_then(object_tile::block_id) };
-    let id = id.ok_or(RouteError::InvalidTile)?;
-    if !is_name(city) || !is_name(version) {
-        return Err(RouteError::InvalidName);
-    }
-    Ok(TileRoute { city, version, kind: TileKind::Objects, id, lod: 0 })
+fn parse_lod(text: &str) -> Option<u8> {
+    parse_number(text).and_then(|lod| u8::try_from(lod).ok()).filter(|lod| *lod < mesh_tile::MAX_LODS)
+}
+
+fn parse_group(kind: &str, [level, x, y]: [&str; 3], nodes: &str, lod: &str) -> Option<TileGroup> {
+    let nodes = parse_number(nodes).filter(|nodes| nodes.is_power_of_two())?;
+    let (kind, lod) = (TileKind::from_path_segment(kind)?, u8::try_from(parse_number(lod)?).ok()?);
+    TileGroup::new(kind, parse_node(level, x, y)?, nodes.trailing_zeros() as u8, lod)
 }
 
 /// Parses decimal digits without sign or leading zeros.
