@@ -95,34 +95,18 @@ pub const HELP: [(&str, &str); 34] = [
 ];
 
 /// The keys of the letters A to Z.
-const LETTERS: [KeyCode; 26] = [
-    KeyCode::KeyA,
-    KeyCode::KeyB,
-    KeyCode::KeyC,
-    KeyCode::KeyD,
-    KeyCode::KeyE,
-    KeyCode::KeyF,
-    KeyCode::KeyG,
-    KeyCode::KeyH,
-    KeyCode::KeyI,
-    KeyCode::KeyJ,
-    KeyCode::KeyK,
-    KeyCode::KeyL,
-    KeyCode::KeyM,
-    KeyCode::KeyN,
-    KeyCode::KeyO,
-    KeyCode::KeyP,
-    KeyCode::KeyQ,
-    KeyCode::KeyR,
-    KeyCode::KeyS,
-    KeyCode::KeyT,
-    KeyCode::KeyU,
-    KeyCode::KeyV,
-    KeyCode::KeyW,
-    KeyCode::KeyX,
-    KeyCode::KeyY,
-    KeyCode::KeyZ,
-];
+const LETTERS: [KeyCode; 26] = {
+    use KeyCode::*;
+    [
+        KeyA, KeyB, KeyC, KeyD, KeyE, KeyF, KeyG, KeyH, KeyI, KeyJ, KeyK, KeyL, KeyM, KeyN, KeyO, KeyP, KeyQ, KeyR,
+        KeyS, KeyT, KeyU, KeyV, KeyW, KeyX, KeyY, KeyZ,
+    ]
+};
+/// The keys of the shadings, in their order.
+const DIGITS: [KeyCode; 9] = {
+    use KeyCode::*;
+    [Digit1, Digit2, Digit3, Digit4, Digit5, Digit6, Digit7, Digit8, Digit9]
+};
 
 /// The key that was meant: what moves the camera is where it lies on every keyboard, other letters and the slash are what is
 /// written on them. Where no letters are Latin, they are where they lie, too.
@@ -184,16 +168,10 @@ pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
         KeyCode::KeyI => KeyAction::ToggleCounters,
         KeyCode::KeyK => KeyAction::ToggleRayCounts,
         KeyCode::KeyL => KeyAction::ToggleShadows,
-        KeyCode::Digit1 => KeyAction::SetShading(Shading::ALL[0]),
-        KeyCode::Digit2 => KeyAction::SetShading(Shading::ALL[1]),
-        KeyCode::Digit3 => KeyAction::SetShading(Shading::ALL[2]),
-        KeyCode::Digit4 => KeyAction::SetShading(Shading::ALL[3]),
-        KeyCode::Digit5 => KeyAction::SetShading(Shading::ALL[4]),
-        KeyCode::Digit6 => KeyAction::SetShading(Shading::ALL[5]),
-        KeyCode::Digit7 => KeyAction::SetShading(Shading::ALL[6]),
-        KeyCode::Digit8 => KeyAction::SetShading(Shading::ALL[7]),
-        KeyCode::Digit9 => KeyAction::SetShading(Shading::ALL[8]),
-        _ => return None,
+        _ => {
+            let number = DIGITS.iter().position(|digit| *digit == code)?;
+            KeyAction::SetShading(Shading::ALL[number])
+        }
     })
 }
 
