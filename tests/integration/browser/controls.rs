@@ -3,8 +3,8 @@
 use super::browser;
 use super::viewer::{REACTION, ensure_no_problems, keep, serve, url};
 use anyhow::{Result, ensure};
-use insula_tests::browser::PageOptions;
 use insula_tests::browser::city_page::CityPage;
+use insula_tests::browser::{Browser, PageOptions};
 use insula_tests::fixtures;
 use insula_tests::programs::{ServerProcess, program};
 use serde_json::{Value, json};
@@ -23,8 +23,11 @@ const LARGER: [PageOptions; 3] = [
     PageOptions { size: [1440, 900], dark: false, touch: false },
 ];
 
-/// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, and lines that
-/// are lower than their letters.
+/// Code of the language that is a part of the page.
+const ENGLISH: &str = "en";
+
+/// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, lines that are
+/// lower than their letters, and words that are cut or leave their button.
 const COVERED: &str = "(() => {
     const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
     const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
@@ -46,8 +49,31 @@ const COVERED: &str = "(() => {
         const isCut = overflowY === 'hidden' && parseFloat(lineHeight) < 1.2 * parseFloat(fontSize);
         if (isCut) found.push(`${name(e)} cuts the marks of its letters`);
     }
+    for (const e of all('.toolbar *, .panel *')) {
+        const clips = e.localName !== 'input' && getComputedStyle(e).overflowX !== 'visible';
+        if (clips && e.scrollWidth > e.clientWidth) found.push(`${name(e)} cuts its words`);
+    }
+    for (const e of all('#insula-app :is(button, label)')) {
+        const [box, range] = [boxOf(e), document.createRange()];
+        range.selectNodeContents(e);
+        const leaves = ({ left, right }) => right > left && (left < box.left - 1 || right > box.right + 1);
+        if ([...range.getClientRects()].some(leaves)) found.push(`the words of ${name(e)} leave it`);
+    }
     return found;
-})()";
+})";
+
+/// All that a measure finds while the city loads and while each of the notices is shown that are the page's own.
+const IN_ALL_STATES: &str = "((measure) => {
+    const city = document.querySelector('insula-city');
+    const emit = (name, detail) => city.dispatchEvent(new CustomEvent(name, { detail }));
+    emit('progress', { ...city.last.progress, missing: 3 });
+    const found = ['offline', 'error', null].flatMap((kind) => {
+        emit('status', { kind });
+        return measure().map((what) => `${kind ?? 'no notice'}: ${what}`);
+    });
+    emit('progress', { ...city.last.progress });
+    return found;
+})";
 
 /// Whether the open panel is complete, and what lies above it knows its height. Observers report a new height before it is painted, so
 /// that only a script can meet the layout in between: what measures it asks for this in the same task.
@@ -59,7 +85,7 @@ pub(super) const IS_LAID_OUT: &str = "(() => {
 
 /// What is covered once the page is laid out.
 pub(super) fn covered(page: &CityPage) -> Result<Value> {
-    let measure = format!("(globalThis.insulaCovered = {IS_LAID_OUT} ? {COVERED} : null) !== null");
+    let measure = format!("(globalThis.insulaCovered = {IS_LAID_OUT} ? {IN_ALL_STATES}({COVERED}) : null) !== null");
     page.page.wait_for(&measure, REACTION)?;
     page.page.evaluate("globalThis.insulaCovered")
 }
@@ -72,17 +98,43 @@ const LEGEND: &str = "(() => {
     document.querySelector('insula-city').dispatchEvent(new CustomEvent('colors', { detail }));
 })()";
 
-fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
-    // With all tools that a page can have.
+/// Opens a page for a reader of these languages.
+fn open_in(browser: &Browser, options: PageOptions, url: &str, languages: &str) -> Result<CityPage> {
+    let page = CityPage::new(browser, options)?;
+    let agent = page.page.evaluate("navigator.userAgent")?;
+    let languages = json!({ "userAgent": agent, "acceptLanguage": languages });
+    page.page.call("Emulation.setUserAgentOverride", languages)?;
+    page.page.navigate(url)?;
+    page.wait_until_ready(0)?;
+    Ok(page)
+}
+
+/// Opens all panels of a page with all tools that a page can have, in English or in each language.
+fn ensure_nothing_is_covered(options: PageOptions, is_in_all_languages: bool) -> Result<()> {
     let (city, proposals) = (fixtures::baked_chiba()?, tempfile::tempdir()?);
     std::fs::create_dir(proposals.path().join(city.file_name().unwrap_or_default()))?;
     let settings = ["analyses.at_once=1".to_owned(), format!("site.proposals={}", proposals.path().display())];
     let mut command = Command::new(program("insula-server")?);
     let server = ServerProcess::start(&mut command, &city, "127.0.0.1:0", &settings.each_ref().map(String::as_str))?;
     let browser = browser(false)?;
+    let english = open_in(&browser, options, &url(&server), ENGLISH)?;
+    ensure_panels_cover_nothing(&english, options, ENGLISH)?;
+    let offered = english.page.evaluate("document.querySelector('meta[name=insula-languages]').content")?;
+    drop(english);
+    let others = offered.as_str().unwrap_or_default().split(' ').filter(|code| *code != ENGLISH);
+    ensure!(others.clone().count() >= 5, "languages: {offered}");
+    for language in others.filter(|_| is_in_all_languages) {
+        let page = open_in(&browser, options, &url(&server), language)?;
+        ensure_panels_cover_nothing(&page, options, language)?;
+    }
+    Ok(())
+}
+
+fn ensure_panels_cover_nothing(page: &CityPage, options: PageOptions, language: &str) -> Result<()> {
     let [width, height] = options.size;
-    let page = CityPage::open(&browser, options, &url(&server))?;
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
+    let shown = page.page.evaluate("document.documentElement.lang")?;
+    ensure!(shown.as_str().is_some_and(|shown| shown.starts_with(language)), "{shown} instead of {language}");
     let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
     ensure!(panels >= 11, "{panels} panels");
     page.page.evaluate(LEGEND)?;
@@ -93,37 +145,32 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
                 : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
                 (document.querySelectorAll('.panel')[{panel}]?.id)"
         ))?;
-        let covered = covered(&page)?;
+        let covered = covered(page)?;
         if covered.as_array().is_none_or(|list| !list.is_empty()) {
-            keep(&page, &format!("covered-{width}x{height}-{panel}"))?;
+            keep(page, &format!("covered-{language}-{width}x{height}-{panel}"))?;
         }
-        ensure!(covered == json!([]), "{width} x {height}, panel {panel}: {covered}");
+        ensure!(covered == json!([]), "{language}, {width} x {height}, panel {panel}: {covered}");
     }
-    keep(&page, &format!("controls-{width}x{height}"))?;
-    ensure_no_problems(&page)
+    keep(page, &format!("controls-{language}-{width}x{height}"))?;
+    ensure_no_problems(page)
 }
 
 pub(super) fn panels_cover_nothing_on_a_phone() -> Result<()> {
-    ensure_nothing_is_covered(PHONE)
+    ensure_nothing_is_covered(PHONE, true)
 }
 
 pub(super) fn panels_cover_nothing_on_smaller_screens() -> Result<()> {
-    SMALLER.into_iter().try_for_each(ensure_nothing_is_covered)
+    SMALLER.into_iter().try_for_each(|options| ensure_nothing_is_covered(options, false))
 }
 
 pub(super) fn panels_cover_nothing_on_larger_screens() -> Result<()> {
-    LARGER.into_iter().try_for_each(ensure_nothing_is_covered)
+    LARGER.into_iter().try_for_each(|options| ensure_nothing_is_covered(options, false))
 }
 
 /// Texts come from the file of the browser's language, with the numbers of that language, and results of the engine with them.
 pub(super) fn the_page_speaks_german() -> Result<()> {
     let (server, browser) = (serve()?, browser(false)?);
-    let page = CityPage::new(&browser, PHONE)?;
-    let agent = page.page.evaluate("navigator.userAgent")?;
-    let language = json!({ "userAgent": agent, "acceptLanguage": "de-CH,de;q=0.9,en;q=0.5" });
-    page.page.call("Emulation.setUserAgentOverride", language)?;
-    page.page.navigate(&url(&server))?;
-    page.wait_until_ready(0)?;
+    let page = open_in(&browser, PHONE, &url(&server), "de-CH,de;q=0.9,en;q=0.5")?;
     page.page.wait_for("document.documentElement.lang === 'de'", REACTION)?;
     page.page.wait_for("document.querySelector('.toolbar')?.textContent.includes('Suche')", REACTION)?;
     let role = page.page.evaluate(&format!("{}.getAttribute('aria-roledescription')", CityPage::element(0)))?;
