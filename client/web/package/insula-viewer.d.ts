@@ -169,11 +169,28 @@ export interface PickResult {
   height?: number;
 }
 
+/** Why objects cannot be read, searched, coloured or filtered, for pages that say it in words of their own. Errors have it as `fault`. */
+export interface Fault {
+  /**
+   * Of a filter: `syntax`, `name`, `type`, `size`. Of colours: `attribute`, `palette`, `long`. Of a city: `objects` (it has none), `area` (the
+   * link opens a part without them). Of what is fetched: `missing`, `busy`, `damaged`, `network`, `unusable`.
+   */
+  code: string;
+  /** Of a filter: the number of the character, from 1. */
+  at?: number;
+  /** Of a filter, in English. */
+  why?: string;
+  /** The attribute or palette that is unknown. */
+  name?: string | null;
+}
+
 export interface PickDetail extends PickResult {
   /** The object at this position; `null` if there is none, or if it could not be fetched. */
   object: ObjectDescription | null;
-  /** Why the object could not be fetched, or empty. */
+  /** Why the object could not be fetched, in English, or empty. */
   error: string;
+  /** The same for programs. */
+  fault?: Fault;
   /** Whether the user held Shift: the object is added to the selection, or removed from it. */
   adds: boolean;
 }
@@ -426,8 +443,7 @@ export class InsulaCity extends HTMLElement {
   setTime(time: TimeText): void;
   /**
    * Colours and filters objects; `null` gives them their own colours. Fails if the rules are invalid or the city has no objects, and
-   * then changes nothing. No tile is fetched again. The error of an invalid filter has a `fault`: its `code` (`syntax`, `name`, `type` or
-   * `size`), the number `at` of the character, from 1, and `why`, in English.
+   * then changes nothing. No tile is fetched again. The error has a `fault`.
    */
   setColors(rules: ColorRules | null): Promise<Colors>;
   /** The selected objects. */

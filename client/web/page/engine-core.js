@@ -391,7 +391,9 @@ export class Engine {
         else this.#viewer.addModel(number, new Float64Array(origin), positions, colours, triangles);
         return null;
       };
-      reply(id, change());
+      // Nothing else is wrong with what the page has read.
+      const tooLarge = (error) => Promise.reject(Object.assign(error, { fault: { code: 'models' } }));
+      reply(id, change().catch(tooLarge));
     }
   }
 

@@ -285,14 +285,14 @@ export class InsulaCity extends Base {
     if (count === 2) return this.#send('approach', { x, y });
     const hit = await this.pick(x * this.clientWidth, y * this.clientHeight).catch(() => null);
     if (!hit) return this.#objects.click(null, adds);
-    let [object, error] = [null, ''];
+    let [object, error, fault] = [null, '', undefined];
     try {
       const id = await this.#ask('objectAt', { x, y });
       object = id === null ? null : await this.describe(id);
     } catch (reason) {
-      error = reason.message;
+      ({ message: error, fault } = reason);
     }
-    if (this.#emit('pick', { ...hit, object, error, adds }, true)) this.#objects.click(object, adds);
+    if (this.#emit('pick', { ...hit, object, error, fault, adds }, true)) this.#objects.click(object, adds);
     return undefined;
   }
 

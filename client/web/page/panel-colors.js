@@ -4,6 +4,7 @@ import { announce } from './announcer.js';
 import { AttributeLabels, legendTitle } from './attribute-labels.js';
 import { element, printable, setText } from './dom.js';
 import { follow } from './events.js';
+import { reasonOf } from './reasons.js';
 import { strings } from './strings.js';
 import { button, checkbox, choice, field, select, slider } from './widgets.js';
 
@@ -60,10 +61,8 @@ export function colorsPanel({ city }) {
   /** @type {any} */ let schema = null;
   const error = element('p', { class: 'error', role: 'alert' });
   const summary = element('p', { class: 'hint', role: 'status' });
-  const coloring = new Coloring(city, ({ message, fault }) => {
-    const why = fault ? texts.faults[fault.code](fault.why, fault.at) : message;
-    setText(error, texts.failed(printable(why)));
-  });
+  const fail = (why) => setText(error, texts.failed(reasonOf(why)));
+  const coloring = new Coloring(city, fail);
   const change = (values) => {
     rules = { ...rules, ...values };
     setText(error, '');
@@ -126,8 +125,8 @@ export function colorsPanel({ city }) {
     if (schema) return;
     try {
       schema = await city.schema();
-    } catch ({ message }) {
-      setText(error, texts.failed(printable(message)));
+    } catch (why) {
+      fail(why);
       return;
     }
     const labels = new AttributeLabels(schema);

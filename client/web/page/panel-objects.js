@@ -4,6 +4,7 @@ import { announce } from './announcer.js';
 import { AttributeLabels } from './attribute-labels.js';
 import { copyText } from './clipboard.js';
 import { element, printable, setText, webAddress } from './dom.js';
+import { reasonOf } from './reasons.js';
 import { strings } from './strings.js';
 import { button, field } from './widgets.js';
 
@@ -49,7 +50,7 @@ export function objectsPanel(page) {
     [find, buttons].forEach((node) => (node.hidden = objects.length === 0));
   };
   input.addEventListener('input', show);
-  city.addEventListener('pick', ({ detail }) => setText(error, detail.error && texts.failed(printable(detail.error))));
+  city.addEventListener('pick', ({ detail: { error: message, fault } }) => setText(error, message && texts.failed(reasonOf({ message, fault }))));
   city.addEventListener('selection', ({ detail }) => {
     show();
     if (detail.objects.length === 0) return;

@@ -1,7 +1,8 @@
 /** The panel of proposals. What shows them in the city is fetched when the panel is opened first, or when the link names one. */
 
 import { alarm, announce } from './announcer.js';
-import { element, printable, setText } from './dom.js';
+import { element, setText } from './dom.js';
+import { reasonOf } from './reasons.js';
 import { strings } from './strings.js';
 import { checkbox, choice } from './widgets.js';
 
@@ -24,8 +25,8 @@ export function proposalsPanel(page) {
     setText(state, text);
     announce(text);
   };
-  const fail = ({ message }) => {
-    setText(state, texts.failed(printable(message)));
+  const fail = (error) => {
+    setText(state, texts.failed(reasonOf(error)));
     alarm(state.textContent ?? '');
   };
   /** @type {Promise<any>|null} */ let view = null;

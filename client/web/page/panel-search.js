@@ -3,6 +3,7 @@
 import { announce } from './announcer.js';
 import { element, printable, setText } from './dom.js';
 import { parseCoordinates } from './place-search.js';
+import { reasonOf } from './reasons.js';
 import { strings } from './strings.js';
 import { button, field } from './widgets.js';
 
@@ -65,6 +66,7 @@ export function searchPanel(page) {
 /** Searches objects while the user types, and lists them. */
 function objectSearch({ city }, list, report) {
   let [timer, turn] = [0, 0];
+  const fail = (why) => report(texts.failed(reasonOf(why)));
   const visit = async ({ object, text }) => {
     const [found] = await city.select([object]);
     if (!found?.centre) return;
@@ -73,7 +75,7 @@ function objectSearch({ city }, list, report) {
   };
   const row = (hit) => {
     const text = printable(hit.text);
-    const press = () => visit(hit).catch(({ message }) => report(texts.failed(printable(message))));
+    const press = () => visit(hit).catch(fail);
     const go = button({ text, class: 'row', label: texts.goTo(text), press });
     return element('li', { dir: 'auto' }, go, hit.typos > 0 ? element('span', { class: 'hint' }, texts.typos) : null);
   };
@@ -87,8 +89,8 @@ function objectSearch({ city }, list, report) {
       list.hidden = hits.length === 0;
       if (hits.length > 0) announce(texts.found(hits.length));
       return hits;
-    } catch ({ message }) {
-      if (own === turn) report(texts.failed(printable(message)));
+    } catch (why) {
+      if (own === turn) fail(why);
       return null;
     }
   };
@@ -100,7 +102,7 @@ function objectSearch({ city }, list, report) {
   const visitFirst = async (text) => {
     clearTimeout(timer);
     const [first] = (await search(text)) ?? [];
-    if (first) await visit(first).catch(({ message }) => report(texts.failed(printable(message))));
+    if (first) await visit(first).catch(fail);
     return first !== undefined;
   };
   return { later, visitFirst };

@@ -44,7 +44,8 @@ export async function openProposals(page, tools, content) {
 async function fetchProposals({ city }) {
   const url = new URL(city.src, document.baseURI);
   url.pathname = url.pathname.replace(/\/*$/, `/${FILE}`);
-  const response = await fetch(url);
+  const lost = (error) => Promise.reject(Object.assign(error, { fault: { code: 'network' } }));
+  const response = await fetch(url).catch(lost);
   if (!response.ok) throw new Error(`HTTP ${response.status}`);
   return (await response.json()).proposals;
 }

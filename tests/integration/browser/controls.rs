@@ -191,13 +191,20 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     // All objects have a kind and a height, whatever their source calls the rest.
     page.page.evaluate(LEGEND)?;
     page.page.wait_for("document.querySelector('.legend-title').textContent === 'Höhe'", REACTION)?;
-    // What the engine says of a filter is English: the panel tells it by its code.
+    // What the engine says of filters and colours is English: the panel tells it by its code.
     page.page.press("g")?;
     let input = "document.querySelector('.panel:not([hidden]) input[placeholder]')";
     page.page.wait_for(&format!("{input} !== null"), REACTION)?;
     page.page.evaluate(&format!("{input}.value = 'zzz > 1'; {input}.dispatchEvent(new Event('change')); 0"))?;
     let told =
         "document.querySelector('.panel:not([hidden]) .error').textContent.includes('ab Zeichen 1 gibt es nicht')";
+    page.page.wait_for(told, REACTION)?;
+    let list = "document.querySelector('.panel:not([hidden]) select')";
+    page.page.evaluate(&format!(
+        "{input}.value = ''; {input}.dispatchEvent(new Event('change'));
+            {list}.append(new Option('zzz', 'zzz')); {list}.value = 'zzz'; {list}.dispatchEvent(new Event('change')); 0"
+    ))?;
+    let told = "document.querySelector('.panel:not([hidden]) .error').textContent === 'Keine Farben: die Objekte haben kein Attribut zzz'";
     page.page.wait_for(told, REACTION)?;
     ensure_no_problems(&page)
 }

@@ -203,7 +203,7 @@ function connect(model, city) {
     clearTimeout(timer);
     timer = setTimeout(() => set('camera', `camera=${detail.camera}`), CAMERA_MS);
   });
-  city.addEventListener('pick', ({ detail: { adds, error, ...rest } }) => set('picked', rest));
+  city.addEventListener('pick', ({ detail: { adds, error, fault, ...rest } }) => set('picked', rest));
   city.addEventListener('selection', ({ detail }) => set('selection', detail.objects.map(({ id }) => id)));
   city.addEventListener('ready', () => set('status', 'ready'));
   city.addEventListener('status', ({ detail }) => detail.kind === 'error' && set('status', detail.text));

@@ -3,7 +3,7 @@
 use super::coloring::styles_of_filter;
 use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder};
 use crate::source::FetchError;
-use insula_objects::color::{ColorBy, Legend, sampled_blocks};
+use insula_objects::color::{ColorBy, ColorError, Legend, sampled_blocks};
 use insula_objects::filter::{Filter, FilterError};
 use insula_objects::value::ValueType;
 use insula_objects::{Schema, Value};
@@ -28,7 +28,7 @@ pub struct StyleRules {
 #[derive(Debug, thiserror::Error)]
 pub enum RulesError {
     #[error("colour by {text}: {why}")]
-    Color { text: String, why: String },
+    Color { text: String, why: ColorError },
     #[error("filter {text}: {why}")]
     Filter { text: String, why: FilterError },
     #[error("objects: {0}")]
@@ -55,7 +55,7 @@ impl StyleRules {
         let color = match self.color_text() {
             Some(text) => match ColorBy::parse(&text, schema) {
                 Ok(color) => Some(color),
-                Err(why) => return Err(RulesError::Color { text, why: why.to_string() }),
+                Err(why) => return Err(RulesError::Color { text, why }),
             },
             None => None,
         };

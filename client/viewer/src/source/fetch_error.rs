@@ -44,6 +44,17 @@ impl FetchError {
         Self::Unusable(REPLACED.to_owned())
     }
 
+    /// The word of programs for it, which say it in words of their own.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Missing => "missing",
+            Self::Busy { .. } => "busy",
+            Self::Broken | Self::Damaged(_) | Self::Archive(_) => "damaged",
+            Self::Network(_) => "network",
+            Self::Unusable(_) => "unusable",
+        }
+    }
+
     /// Whether only this tile is at fault: the source itself responds.
     pub(crate) fn is_of_tile_alone(&self) -> bool {
         matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)

@@ -6,7 +6,7 @@ use super::viewer::{CityViewer, json, to_js};
 use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
 use insula_viewer::objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects};
-use insula_viewer::source::{TileSource, WITHOUT_OBJECTS};
+use insula_viewer::source::{FetchError, TileSource, WITHOUT_OBJECTS};
 use js_sys::{JSON, Promise, Reflect};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -16,6 +16,9 @@ use wasm_bindgen_futures::future_to_promise;
 const MAX_HITS: usize = 100;
 
 /// Reads the objects of a city. It is apart from the viewer, which goes on drawing meanwhile.
+///
+/// Errors have a `fault`, because pages say in words of their own what is wrong: a `code`; `at` and `why` of a filter, or the `name` of
+/// what is unknown.
 #[wasm_bindgen]
 #[derive(Clone)]
 pub struct ObjectReader {
@@ -47,7 +50,7 @@ impl ObjectReader {
     pub fn describe(&self, id: u32) -> Promise {
         let reader = self.clone();
         future_to_promise(async move {
-            let described = reader.open().await?.describe_with_parent(id).await.map_err(to_js)?;
+            let described = reader.open().await?.describe_with_parent(id).await.map_err(|error| of_fetch(&error))?;
             Ok(described.map_or(JsValue::UNDEFINED, |object| json(&ObjectMessage::from(object)).into()))
         })
     }
@@ -57,7 +60,8 @@ impl ObjectReader {
     pub fn search(&self, text: String, limit: u32) -> Promise {
         let source = self.source.clone();
         future_to_promise(async move {
-            let hits = source.search(&text, (limit as usize).clamp(1, MAX_HITS)).await.map_err(to_js)?;
+            let hits = source.search(&text, (limit as usize).clamp(1, MAX_HITS)).await;
+            let hits = hits.map_err(|error| of_fetch(&error))?;
             Ok(hits.map_or(JsValue::UNDEFINED, |hits| json(&hits).into()))
         })
     }
@@ -81,7 +85,7 @@ impl ObjectReader {
     }
 
     /// Makes styles from rules (JSON, see `ColorRules`): resolves to `MadeStyles`. Rejects with the reason if the rules are invalid, or
-    /// if objects cannot be fetched. The error of an invalid filter has a `fault` of `code`, `at` and `why`.
+    /// if objects cannot be fetched.
     pub fn styles(&self, rules: &str) -> Promise {
         let (reader, rules) = (self.clone(), serde_json::from_str::<ColorRules>(rules));
         future_to_promise(async move {
@@ -94,27 +98,44 @@ impl ObjectReader {
     }
 }
 
-/// Why rules have no styles. Pages have their own words for what is wrong with a filter.
+/// Why rules have no styles.
 fn of_rules(error: &RulesError) -> JsValue {
-    let shown = js_sys::Error::new(&error.to_string());
-    if let RulesError::Filter { why, .. } = error {
-        let fault = serde_json::json!({ "code": why.fault.code(), "at": why.at, "why": why.message });
-        // Without it, pages show the text.
-        let _ = JSON::parse(&fault.to_string()).and_then(|fault| Reflect::set(&shown, &"fault".into(), &fault));
-    }
+    let fault = match error {
+        RulesError::Filter { why, .. } => {
+            serde_json::json!({ "code": why.fault.code(), "at": why.at, "why": why.message })
+        }
+        RulesError::Color { why, .. } => {
+            let (code, name) = why.code();
+            serde_json::json!({ "code": code, "name": name })
+        }
+        RulesError::Fetch(error) => serde_json::json!({ "code": error.code() }),
+    };
+    with_fault(&error.to_string(), &fault)
+}
+
+fn of_fetch(error: &FetchError) -> JsValue {
+    with_fault(&error.to_string(), &serde_json::json!({ "code": error.code() }))
+}
+
+fn with_fault(message: &str, fault: &serde_json::Value) -> JsValue {
+    let shown = js_sys::Error::new(message);
+    // Without it, pages show the text.
+    let _ = JSON::parse(&fault.to_string()).and_then(|fault| Reflect::set(&shown, &"fault".into(), &fault));
     shown.into()
 }
 
 impl ObjectReader {
-    async fn open(&self) -> Result<Rc<CityObjects>, JsError> {
+    async fn open(&self) -> Result<Rc<CityObjects>, JsValue> {
         let mut opened = self.opened.lock().await;
         if let Some(objects) = &*opened {
             return Ok(objects.clone());
         }
-        let found = CityObjects::open(self.source.clone(), self.origin).await.map_err(to_js)?;
-        let is_whole = self.source.opens_objects();
-        let reason = if is_whole { "the city has no objects: bake it again" } else { WITHOUT_OBJECTS };
-        let objects = found.ok_or_else(|| JsError::new(reason))?;
+        let found = CityObjects::open(self.source.clone(), self.origin).await.map_err(|error| of_fetch(&error))?;
+        let (code, reason) = match self.source.opens_objects() {
+            true => ("objects", "the city has no objects: bake it again"),
+            false => ("area", WITHOUT_OBJECTS),
+        };
+        let objects = found.ok_or_else(|| with_fault(reason, &serde_json::json!({ "code": code })))?;
         Ok(opened.insert(Rc::new(objects)).clone())
     }
 }

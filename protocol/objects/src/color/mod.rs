@@ -41,6 +41,18 @@ pub enum ColorError {
     TooLong,
 }
 
+impl ColorError {
+    /// The word of programs for it, which say it in words of their own, and the name that is unknown.
+    #[must_use]
+    pub fn code(&self) -> (&'static str, Option<&str>) {
+        match self {
+            Self::UnknownAttribute { name, .. } => ("attribute", Some(name.as_str())),
+            Self::UnknownPalette { name, .. } => ("palette", Some(name.as_str())),
+            Self::TooLong => ("long", None),
+        }
+    }
+}
+
 /// Colours of objects by an attribute, by `kind` or by `height`.
 #[derive(Debug, Clone)]
 pub struct ColorBy {

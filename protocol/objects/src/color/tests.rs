@@ -145,6 +145,10 @@ fn errors_suggest_names() {
     assert_eq!(message("year:virdis"), "no palette has the name virdis: write one of viridis");
     assert!(message("year:").contains("viridis, cividis"));
     assert!(message(&"x".repeat(513)).contains("more than 512 bytes"));
+    let fault = |text: &str| ColorBy::parse(text, &schema()).unwrap_err();
+    assert_eq!(fault("yaer").code(), ("attribute", Some("yaer")));
+    assert_eq!(fault("year:virdis").code(), ("palette", Some("virdis")));
+    assert_eq!(fault(&"x".repeat(513)).code(), ("long", None));
     let schema = schema();
     for palette in ColorBy::palettes() {
         assert!(ColorBy::parse(&format!("area:{palette}"), &schema).is_ok());
