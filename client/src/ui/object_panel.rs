@@ -7,6 +7,7 @@ use egui::{Color32, RichText, Ui};
 use insula_objects::FeatureKind;
 use insula_objects::schema::ShownValue;
 use insula_protocol::text::printable;
+use insula_viewer::additions::FIRST_ADDED;
 use insula_viewer::objects::ObjectDescription;
 use std::collections::BTreeSet;
 
@@ -60,7 +61,8 @@ impl ObjectPanel {
     }
 
     pub(super) fn only_selected(&self) -> Option<u32> {
-        self.selected.first().copied().filter(|_| self.selected.len() == 1)
+        // What a proposal adds has no number in the city.
+        self.selected.first().copied().filter(|object| self.selected.len() == 1 && *object < FIRST_ADDED)
     }
 
     /// The selected objects, the parts of those without a shape, and the object under the pointer.

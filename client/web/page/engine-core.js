@@ -50,6 +50,7 @@ export class Engine {
    * @type {{id: number, width: number, height: number, caption: string[]}[]} */
   #pictures = [];
   /** Messages about models, which change between frames: all tiles are fetched again. @type {any[]} */ #models = [];
+  /** What is known of named models, by number. @type {Map<number, import('./messages.js').ObjectMessage>} */ #named = new Map();
   /** Who waits for the end of a flight, and whether the camera has moved since.
    * @type {{id: number, isUnderWay: boolean}[]} */
   #arrivals = [];
@@ -326,7 +327,8 @@ export class Engine {
   }
 
   describe({ id, object }) {
-    reply(id, this.#objects.describe(object).then(parsed));
+    const named = [...this.#named.values()].find((known) => known.id === object);
+    reply(id, named ? Promise.resolve(named) : this.#objects.describe(object).then(parsed));
   }
 
   search({ id, text, limit }) {
@@ -385,10 +387,14 @@ export class Engine {
   }
 
   #changeModels() {
-    for (const { op, id, number, origin, positions, colours, triangles } of this.#models.splice(0)) {
+    for (const { op, id, number, origin, positions, colours, triangles, name } of this.#models.splice(0)) {
       const change = async () => {
+        this.#named.delete(number);
         if (op === 'removeModel') this.#viewer.removeModel(number);
-        else this.#viewer.addModel(number, new Float64Array(origin), positions, colours, triangles);
+        else {
+          const object = this.#viewer.addModel(number, new Float64Array(origin), positions, colours, triangles, name !== undefined);
+          if (object !== undefined) this.#named.set(number, namedModel(object, name, origin, positions));
+        }
         return null;
       };
       // Nothing else is wrong with what the page has read.
@@ -431,6 +437,17 @@ function parsed(json) {
 
 /** Requests and commands that the engine itself carries out. */
 const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen', 'addModel', 'removeModel', 'showModels'];
+
+/** What is known of a model: its name, and the middle of the box around it. */
+function namedModel(id, identifier, origin, positions) {
+  const [low, high] = [origin.map(() => Infinity), origin.map(() => -Infinity)];
+  positions.forEach((value, i) => {
+    low[i % 3] = Math.min(low[i % 3], value);
+    high[i % 3] = Math.max(high[i % 3], value);
+  });
+  const centre = origin.map((value, axis) => value + (low[axis] + high[axis]) / 2);
+  return { id, identifier, parent: null, kind: 'proposal', attributes: {}, centre, parts: [] };
+}
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {

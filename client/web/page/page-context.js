@@ -36,7 +36,8 @@ export class PageContext extends EventTarget {
   get view() {
     const { camera, time } = this.city.view ?? {};
     const { selection } = this.city;
-    const object = selection.length === 1 ? selection[0].id : null;
+    // What a proposal adds has no number in the city.
+    const object = selection.length === 1 && selection[0].kind !== 'proposal' ? selection[0].id : null;
     return { camera: camera ?? this.city.camera, time: time ?? this.city.time, look: this.city.options.look, object };
   }
 

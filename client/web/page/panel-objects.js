@@ -71,7 +71,9 @@ function card(city, object, needle, labels) {
   const go = centre ? button({ text: texts.goTo, label: texts.goToNamed(name), press: visit }) : null;
   const head = element('div', { class: 'object-head' }, element('h3', { dir: 'auto' }, name), go);
   const word = texts.kinds[kind] ?? kind;
-  const what = parent === null ? texts.kind(word, String(id)) : texts.partOf(word, String(id), printable(parent));
+  const ofCity = parent === null ? texts.kind(word, String(id)) : texts.partOf(word, String(id), printable(parent));
+  // What a proposal adds has a number that nobody else knows.
+  const what = kind === 'proposal' ? word : ofCity;
   const rows = Object.entries(attributes)
     .filter(([key]) => labels.isShown(key))
     .map(([key, value]) => [labels.title(key), labels.text(key, value), key].map(printable))

@@ -12,9 +12,11 @@ const PARAMETER = 'proposal';
 /** Plaster, in sRGB. */
 const PLASTER = [228, 219, 205];
 const MOST_BORDER = 1000;
+/** Kind of what a proposal adds. */
+const ADDED = 'proposal';
 
 /**
- * @typedef {{name: string, title: string, hidden: number[], added: {origin: number[], triangles_cm: number[]}[]}} Proposal
+ * @typedef {{name: string, title: string, hidden: number[], added: {name: string, origin: number[], triangles_cm: number[]}[]}} Proposal
  * @typedef {{texts: any, checkbox: Function, choice: Function, say: (text: string) => void, fail: (error: Error) => void}} Tools
  */
 
@@ -97,6 +99,7 @@ class ProposalView {
   async choose(name) {
     this.#swipe.stop();
     this.#apply(false);
+    this.#deselectAdded();
     this.#models.clear();
     this.#shown = this.#proposals.find((proposal) => proposal.name === name) ?? this.#shown;
     await Promise.all(this.#shown.added.map((added) => this.#models.put(modelOf(added), added.origin)));
@@ -116,6 +119,7 @@ class ProposalView {
     this.#both.set(false);
     this.#side.set(isAfter ? 'after' : 'before');
     this.#apply(isAfter);
+    if (!isAfter) this.#deselectAdded();
     const { texts, say } = this.#tools;
     say((isAfter ? texts.shown : texts.hidden)(printable(this.#shown.title)));
   }
@@ -134,6 +138,12 @@ class ProposalView {
     this.#apply(this.#isAfter);
   }
 
+  /** What is not shown is not selected. */
+  #deselectAdded() {
+    const { city } = this.#page;
+    if (city.selection.some(({ kind }) => kind === ADDED)) city.select([]).catch(() => {});
+  }
+
   #startSwipe() {
     this.#side.set('after');
     this.#swipe.start();
@@ -149,11 +159,11 @@ class ProposalView {
   }
 }
 
-/** Triangles of plaster. */
-function modelOf({ triangles_cm: corners }) {
+/** Triangles of plaster, with the name that a click shows. */
+function modelOf({ name, triangles_cm: corners }) {
   const positions = Float32Array.from(corners, (value) => value / 100);
   const colours = Uint8Array.from(corners, (_, i) => PLASTER[i % 3]);
-  return { positions, colours, triangles: Uint32Array.from({ length: corners.length / 3 }, (_, i) => i) };
+  return { name, positions, colours, triangles: Uint32Array.from({ length: corners.length / 3 }, (_, i) => i) };
 }
 
 /** A picture of the city before over the left part of the city after, while the view rests. */

@@ -54,20 +54,20 @@ fn entry(
     *left = left.checked_sub(triangles).ok_or_else(|| {
         proposal.wrong(&format!("the city's proposals add more than {MOST_TRIANGLES} triangles: simplify their models"))
     })?;
-    let added: Vec<Value> = objects.added.iter().map(|object| model(&object.triangles)).collect();
+    let added: Vec<Value> = objects.added.iter().map(|object| model(&object.name, &object.triangles)).collect();
     let name = file.file_stem().unwrap_or_default().to_string_lossy();
     Ok(json!({ "name": name, "title": proposal.name(), "hidden": objects.removed, "added": added }))
 }
 
-/// The triangles of a model or a block.
-fn model(triangles: &[[[f64; 3]; 3]]) -> Value {
+/// The name and the triangles of a model or a block.
+fn model(name: &str, triangles: &[[[f64; 3]; 3]]) -> Value {
     let lowest = |axis: usize| triangles.iter().flatten().map(|corner| corner[axis]).fold(f64::INFINITY, f64::min);
     let origin: [f64; 3] = std::array::from_fn(|axis| lowest(axis).floor());
     let centimetres = |corner: &[f64; 3]| -> [i64; 3] {
         std::array::from_fn(|axis| ((corner[axis] - origin[axis]) * 100.0).round() as i64)
     };
     let corners: Vec<i64> = triangles.iter().flatten().flat_map(centimetres).collect();
-    json!({ "origin": origin, "triangles_cm": corners })
+    json!({ "name": name, "origin": origin, "triangles_cm": corners })
 }
 
 #[cfg(test)]
@@ -77,8 +77,8 @@ mod tests {
     #[test]
     fn triangles_are_whole_numbers_from_an_origin() {
         let triangle = [[85_000.25, 447_000.5, -1.5], [85_001.25, 447_000.5, -1.5], [85_000.25, 447_002.5, 3.0]];
-        let expected =
-            json!({ "origin": [85_000.0, 447_000.0, -2.0], "triangles_cm": [25, 50, 50, 125, 50, 50, 25, 250, 500] });
-        assert_eq!(model(&[triangle]), expected);
+        let corners = [25, 50, 50, 125, 50, 50, 25, 250, 500];
+        let expected = json!({ "name": "hut", "origin": [85_000.0, 447_000.0, -2.0], "triangles_cm": corners });
+        assert_eq!(model("hut", &[triangle]), expected);
     }
 }

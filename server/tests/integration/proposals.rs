@@ -47,6 +47,7 @@ async fn a_page_gets_what_proposals_change() {
     assert_eq!(tower["hidden"].as_array().unwrap().len(), 1);
     let [block] = &tower["added"].as_array().unwrap()[..] else { panic!("{tower}") };
     assert_eq!(block["origin"][0], 85_030.0);
+    assert!(block["name"].as_str().is_some_and(|name| name.ends_with(".geojson")), "{block}");
     let corners: Vec<i64> =
         block["triangles_cm"].as_array().unwrap().iter().map(|value| value.as_i64().unwrap()).collect();
     // Two triangles for each of six sides, from the ground to 40 m above it.

@@ -16,6 +16,16 @@ const OPTIONS: PageOptions = PageOptions { size: [1024, 600], dark: false, touch
 const SIZE: [u32; 2] = [240, 160];
 const NAME: &str = "proposed-town";
 
+/// A place of the page that shows what the proposal adds; `null` if there is none.
+const FIND_ADDED: &str = "(async () => {
+    const city = document.querySelector('insula-city');
+    for (let y = 0.2; y < 0.8; y += 0.02) for (let x = 0.2; x < 0.7; x += 0.02) {
+        const object = await city.ask('objectAt', { x, y });
+        if (object >= 0xffff0000) return [x * innerWidth, y * innerHeight];
+    }
+    return null;
+})()";
+
 /// Whether the panel's line says this.
 fn says(text: &str) -> String {
     format!("[...document.querySelectorAll('.hint')].some(line => line.textContent === '{text}')")
@@ -54,6 +64,22 @@ pub(super) fn a_proposal_is_shown_before_and_after() -> Result<()> {
     page.page.press("y")?;
     page.page.wait_for(&says("Tower: after"), REACTION)?;
     ensure!(page.picture(0, SIZE)? == after, "the city after is another one the second time");
+
+    // A click names what it adds, as in the window. What is not shown is not selected, and no link has its number.
+    let place = page.page.evaluate(FIND_ADDED)?;
+    ensure!(place.is_array(), "nothing that is added is seen");
+    page.page.click([0, 1].map(|k| place[k].as_f64().unwrap_or_default()), 1)?;
+    let panel = "document.querySelector('.panel:not([hidden]) .objects')";
+    page.page.wait_for(&format!("{panel}?.querySelector('h3').textContent === 'tower.geojson'"), REACTION)?;
+    let kind = page.page.evaluate(&format!("{panel}.querySelector('.hint').textContent"))?;
+    ensure!(kind == "Part of the proposal", "{kind}");
+    keep(&page, "proposal-object")?;
+    page.page.press("y")?;
+    page.page.wait_for(&says("Tower: before"), REACTION)?;
+    page.page.wait_for("document.querySelector('insula-city').selection.length === 0", REACTION)?;
+    ensure!(page.page.evaluate("location.hash.includes('object=')")? == false, "the link has a number of the proposal");
+    page.page.press("y")?;
+    page.page.wait_for(&says("Tower: after"), REACTION)?;
 
     page.page.evaluate("document.querySelector('.tool:has(.icon-proposals)').click()")?;
     page.page.wait_for("document.querySelector('.panel:not([hidden]) input[type=checkbox]') !== null", REACTION)?;

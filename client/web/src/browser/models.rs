@@ -2,8 +2,9 @@
 
 use super::viewer::{CityViewer, to_js};
 use glam::DVec3;
+use insula_protocol::blockmap::NO_OBJECT;
 use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
-use insula_viewer::additions::{AdditionError, MAX_ADDED_MESHES, PackedAddition};
+use insula_viewer::additions::{AdditionError, FIRST_ADDED, MAX_ADDED_MESHES, PackedAddition};
 use wasm_bindgen::prelude::*;
 
 /// Bits of a coordinate: millimetres for a building.
@@ -12,8 +13,8 @@ const GRID_BITS: u8 = 16;
 #[wasm_bindgen]
 impl CityViewer {
     /// Adds a model: `positions` (x, y, z, ...) in metres from `origin`, the `colours` of each (red, green, blue, ...), and the numbers
-    /// of three positions for each of `triangles`. All tiles are fetched again. Fails if it is incomplete, or too large together with
-    /// the others, and then is not added.
+    /// of three positions for each of `triangles`. All tiles are fetched again. Returns the object that a named model is. Fails if it is
+    /// incomplete, or too large together with the others, and then is not added.
     #[wasm_bindgen(js_name = addModel)]
     pub fn add_model(
         &mut self,
@@ -22,12 +23,15 @@ impl CityViewer {
         positions: &[f32],
         colours: &[u8],
         triangles: &[u32],
-    ) -> Result<(), JsError> {
+        is_named: bool,
+    ) -> Result<Option<u32>, JsError> {
         let (&[x, y, z], true) = (origin, positions.iter().all(|metres| metres.is_finite())) else {
             return Err(JsError::new("a position of the model is no number"));
         };
         let (mesh, corner) = mesh_of(DVec3::new(x, y, z), positions, colours, triangles);
-        let addition = PackedAddition::new(&mesh, corner, &[]).map_err(to_js)?;
+        let object = FIRST_ADDED.checked_add(number).filter(|object| is_named && *object != NO_OBJECT);
+        let objects = object.map_or(Vec::new(), |object| vec![object; mesh.triangles.len()]);
+        let addition = PackedAddition::new(&mesh, corner, &objects).map_err(to_js)?;
         if self.models.len() >= MAX_ADDED_MESHES {
             return Err(to_js(AdditionError::TooMany(self.models.len() + 1)));
         }
@@ -38,7 +42,7 @@ impl CityViewer {
             self.renew(pages);
             return Err(JsError::new("the models take more than half of the memory for the city: simplify them"));
         }
-        Ok(())
+        Ok(object)
     }
 
     /// Shows or hides all models from the next frame on. No tile is fetched again.
