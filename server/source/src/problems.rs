@@ -81,6 +81,8 @@ pub const UNKNOWN_POINT: &str = "point of unknown kind, not drawn: only those of
 pub const TREE_HEIGHT: &str = "height of a tree out of range, taken as unknown";
 /// Kind of the problem that a mesh is in another unit than metres, as a comment or its size suggest.
 pub const MESH_UNIT: &str = "coordinates of a mesh may not be in metres";
+/// Kind of the problem that vertices of CityJSON are the numbers before a transform that the file lacks.
+pub const NO_TRANSFORM: &str = "vertices look as if a transform were missing, taken as metres";
 /// Kind of the problem that a mesh whose z axis is taken to point up looks as if y did.
 pub const MESH_UP: &str = "mesh looks as if its y axis points up";
 /// Kind of the problem that a glTF, whose y axis points up, looks as if z did.
@@ -115,7 +117,7 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 pub(crate) const GUESSES: &[&str] = &[
     SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, NO_GROUND_HEIGHT,
     MISSING_HEIGHTS, ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT,
-    MESH_UNIT, MESH_UP, GLTF_UP,
+    NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

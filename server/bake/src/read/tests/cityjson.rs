@@ -5,7 +5,7 @@ use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::affine::TRANSPOSED;
-use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS};
+use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS, NO_TRANSFORM};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
@@ -96,6 +96,17 @@ fn transform_is_applied_and_optional() {
     assert!((volume_m3(&scene) - 8.0).abs() < 1e-4);
     assert_eq!(scene.objects[0].base_z_m, 0.5);
     assert_eq!(read(&document(&object("a", &solid("1")), "")).0.origin, [1.0, 1.0, 0.0]);
+}
+
+#[test]
+fn a_missing_transform_is_a_warning() {
+    let has_warning = |corners: &str| {
+        let (_, report) = read(&document(&object("a", &solid("1")), "").replace(CUBE, corners));
+        report.guess_warnings().any(|text| text.contains(NO_TRANSFORM))
+    };
+    // The cube in millimetres.
+    assert!(has_warning(&CUBE.replace('2', "2000")));
+    assert!(!has_warning(&CUBE.replace('2', "2000.5")) && !has_warning(CUBE));
 }
 
 #[test]

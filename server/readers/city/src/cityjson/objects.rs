@@ -15,10 +15,13 @@ use insula_source::json::attributes::flatten;
 use insula_source::json::metadata;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject, WholeBuilding};
+use insula_source::problems::NO_TRANSFORM;
 use insula_source::subject;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 
+/// Whole numbers with a larger range of heights are no metres: they wait for a transform, mostly to millimetres.
+const MOST_METRES: f64 = 1000.0;
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
 
@@ -74,6 +77,13 @@ pub(super) struct ObjectBatch<'a> {
     pub(super) appearance: &'a CityJsonAppearance,
 }
 
+/// Whether vertices are whole numbers with a range of heights that no object in metres has.
+fn look_untransformed(vertices: &[JsonPosition]) -> bool {
+    let heights = vertices.iter().map(|JsonPosition(at)| at[2]);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), z| (low.min(z), high.max(z)));
+    high - low > MOST_METRES && vertices.iter().all(|JsonPosition(at)| at.iter().all(|number| number.fract() == 0.0))
+}
+
 /// Passes all objects of a batch to the sink; calls `tick` with the number of objects that are done. Fails as the sink.
 pub(super) fn read_objects(
     shared: &SharedMembers<'_>,
@@ -81,6 +91,9 @@ pub(super) fn read_objects(
     sink: &mut dyn ObjectSink,
     tick: &dyn Fn(usize, &mut dyn ObjectSink),
 ) -> Result<(), InputError> {
+    if shared.transform.is_none() && look_untransformed(batch.vertices) {
+        sink.problem(NO_TRANSFORM, format!("{}: they are whole numbers of a large range of heights", shared.label));
+    }
     let outlines: Vec<(&str, Option<ObjectOutline<'_>>)> =
         batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();
     let choices = choose_levels(&outlines, &shared.templates.templates);

@@ -13,6 +13,7 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, Shape, SourceObject, Surface, TriangleMesh};
+use insula_source::packed::unpacked_name;
 use weld::Welder;
 
 /// Extensions of the file formats that this reader reads; `.gz` may follow.
@@ -34,7 +35,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let id = stem(input.name);
     let mesh = if bytes.starts_with(b"ply") {
         ply::read(input.label, id, &bytes, sink)?
-    } else if input.name.to_ascii_lowercase().contains(".off") {
+    } else if unpacked_name(input.name).to_ascii_lowercase().ends_with(".off") {
         read_off(input.label, &bytes)?
     } else {
         read_stl(input.label, id, &bytes, sink)?
