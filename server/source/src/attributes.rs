@@ -55,9 +55,13 @@ impl AttributeValue {
         Self::date(text).unwrap_or_else(|| Self::Text(text.to_owned()))
     }
 
-    /// Parses the date at the start of `YYYY-MM-DD` or `YYYY-MM-DDThh:mm:ss`; `None` if it is no valid date.
+    /// Parses the date at the start of `YYYY-MM-DD` or `YYYY-MM-DDThh:mm:ss`; `None` if it is no valid date, or if there is more than a time
+    /// behind it.
     pub fn date(text: &str) -> Option<Self> {
-        let day = text.split(['T', ' ']).next()?;
+        let (day, time) = text.split_once(['T', ' ']).unwrap_or((text, ""));
+        if !time.chars().all(|c| c.is_ascii_digit() || matches!(c, ':' | '.' | '+' | '-' | 'Z' | ' ')) {
+            return None;
+        }
         let mut parts = day.splitn(3, '-');
         let (year, month, day) = (parts.next()?, parts.next()?, parts.next()?.trim_end_matches('Z'));
         if year.len() != 4 || month.len() != 2 || day.len() != 2 {
@@ -253,6 +257,16 @@ mod tests {
         // Whole numbers may be identifiers.
         assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
+    }
+
+    #[test]
+    fn texts_behind_a_date_are_kept() {
+        let date = Some(AttributeValue::Date { year: 2020, month: 1, day: 2 });
+        for text in ["2020-01-02", "2020-01-02Z", "2020-01-02T03:04:05.678+01:00", "2020-01-02 03:04"] {
+            assert_eq!(AttributeValue::date(text), date, "{text}");
+        }
+        let note = "2020-01-02 roof rebuilt";
+        assert_eq!(AttributeValue::from_untyped(note), AttributeValue::Text(note.to_owned()));
     }
 
     #[test]

@@ -51,6 +51,7 @@ const FROM_DATABASE: Conversion =
     Advice("convert the folder .gdb that it is of with: ogr2ogr -f GPKG OUT.gpkg FOLDER.gdb");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 const FROM_TILES_3D: Conversion = Advice("export the city again, as a folder or a .3tz: these are read");
+const JOIN: Conversion = Advice("put its parts together, as 7z x NAME.zip.001 does, and give the files in it");
 const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
 /// Extensions, without `.gz`, with the name of the format.
@@ -68,6 +69,10 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["3ds"], "3DS", TO_OBJ),
     (&["dae"], "COLLADA", TO_OBJ),
     (&["x3d"], "X3D", TO_OBJ),
+    (&["wrl", "vrml"], "VRML", TO_OBJ),
+    (&["usd", "usda", "usdc", "usdz"], "USD", FROM_BLENDER),
+    (&["step", "stp", "iges", "igs"], "bodies of CAD programs", FROM_CAD),
+    (&["topojson"], "TopoJSON", TO_GPKG),
     (&["dwg", "dxf", "dgn"], "CAD drawings", FROM_CAD),
     (&["skp"], "SketchUp", FROM_SKETCHUP),
     (&["3dm"], "Rhino", FROM_RHINO),
@@ -85,6 +90,7 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["osh"], "histories of OpenStreetMap", FROM_HISTORY),
     (&["osc"], "changes of OpenStreetMap", FROM_CHANGES),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
+    (&["001", "z01"], "a part of an archive", JOIN),
     (&["zip", "3tz", "slpk", "shz"], "an archive inside an archive", UNPACK_OUTER),
 ];
 
@@ -298,6 +304,11 @@ mod tests {
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
         assert!(message("a/town.gdb").ends_with("ogr2ogr -f GPKG a/town.gpkg a/town.gdb"));
+        assert!(
+            message("a.zip.001")
+                .ends_with("put its parts together, as 7z x NAME.zip.001 does, and give the files in it")
+        );
+        assert_eq!((format_of("A.USDZ"), format_of("a.stp")), (Some("USD"), Some("bodies of CAD programs")));
         assert!(message("a.dt2").ends_with("rasters: not read; convert it with: gdal_translate a.dt2 a.tif"));
         assert!(message("a.o5m").ends_with("osmium cat a.o5m -o a.osm.pbf"));
         assert!(message("a.jpg").ends_with("gdal_translate -a_srs EPSG:N a.jpg a.tif"));
