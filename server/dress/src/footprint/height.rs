@@ -189,6 +189,9 @@ fn top_m(
             let guess = match guess {
                 UnitGuess::Publisher => "feet, as its publisher means it".to_owned(),
                 UnitGuess::Beside(attribute, unit) => format!("{unit}, as {attribute} says"),
+                UnitGuess::Unknown(attribute, unit) => {
+                    format!("metres, as {attribute} says {unit}, which is not known")
+                }
             };
             note(UNIT_GUESSED, &format!("{name} taken as {guess} (--height-unit)"));
         } else if hints.is_map_in_feet
@@ -412,6 +415,9 @@ mod tests {
         let metres = HeightHints { unit: Some(HeightUnit::Metre), ..HeightHints::default() };
         assert_eq!(height_with(beside, metres), (0.0, 100.0, vec![]));
         assert_eq!(height_with(r#"{"heightroof": 100, "groundelev": 30}"#, metres), (0.0, 100.0, vec![]));
+        let unknown = r#"{"height": 100, "height_unit": "cubits"}"#;
+        assert_eq!(height(unknown), (0.0, 100.0, vec![UNIT_GUESSED.to_owned()]));
+        assert_eq!(height_with(unknown, metres), (0.0, 100.0, vec![]));
         // Dwellings.
         assert_eq!(height(r#"{"height": 100, "units": 12}"#), (0.0, 100.0, vec![]));
         assert_eq!(height(r#"{"height": "100 m", "unit": "ft"}"#).1, 100.0);

@@ -110,6 +110,8 @@ pub(super) enum UnitGuess<'a> {
     Publisher,
     /// The name of the attribute, and its text.
     Beside(&'a str, &'a str),
+    /// The same of one that tells an unknown unit.
+    Unknown(&'a str, &'a str),
 }
 
 /// All attributes that tell heights, best first within their role. Units are not guessed where the user gives one.
@@ -134,7 +136,8 @@ pub(super) fn find(attributes: &Attributes, is_unit_given: bool) -> Vec<NamedHei
             continue;
         }
         let is_roof = is_roof(height.name);
-        if let Some(unit_m) = own_unit(attributes, height.name) {
+        let own = own_units(attributes, height.name);
+        if let Some(unit_m) = own.iter().find_map(|(_, unit)| metres_of(unit)) {
             height.unit_m = Some(unit_m);
         } else if is_unit_given {
             // It counts.
@@ -143,13 +146,15 @@ pub(super) fn find(attributes: &Attributes, is_unit_given: bool) -> Vec<NamedHei
             (height.unit_m, height.unit_guess) = (Some(FOOT_M), is_roof.then_some(UnitGuess::Publisher));
         } else if let Some((name, unit, unit_m)) = unit_beside(attributes) {
             (height.unit_m, height.unit_guess) = (Some(unit_m), Some(UnitGuess::Beside(name, unit)));
+        } else if let Some((name, unit)) = own.first().copied() {
+            height.unit_guess = Some(UnitGuess::Unknown(name, unit));
         }
     }
     found
 }
 
-/// Metres in the unit of a height that an attribute of its own tells, such as `height_unit`.
-fn own_unit(attributes: &Attributes, height: &str) -> Option<f64> {
+/// Names and texts of the attributes that tell the unit of a height, such as `height_unit`.
+fn own_units<'a>(attributes: &'a Attributes, height: &str) -> Vec<(&'a str, &'a str)> {
     let height = height.strip_suffix(VALUE).unwrap_or(height);
     let key = key(height);
     let is_of_it = |name: &str| {
@@ -157,7 +162,8 @@ fn own_unit(attributes: &Attributes, height: &str) -> Option<f64> {
         let end = name.strip_prefix(&*key).or_else(|| name.strip_prefix("height"));
         end.is_some_and(|end| UNIT_WORDS.contains(&end))
     };
-    attributes.iter().filter(|(name, _)| is_of_it(name)).find_map(|(_, unit)| metres_of(unit.as_str()?))
+    let units = attributes.iter().filter(|(name, _)| is_of_it(name));
+    units.filter_map(|(name, unit)| Some((name, unit.as_str()?))).filter(|(_, unit)| !unit.trim().is_empty()).collect()
 }
 
 /// An attribute that tells a unit of length, perhaps that of a height: its name, its text, and metres in it. Metres need not be told.

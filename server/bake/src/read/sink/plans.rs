@@ -1,11 +1,9 @@
 //! Buildings of level of detail 0: their plans are extruded if attributes tell the height.
 
 use super::SceneSink;
-use insula_dress::footprint::{BuildingHeight, has_height, is_height};
-use insula_source::attributes::AttributeValue;
+use insula_dress::footprint::{BuildingHeight, has_height};
 use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Surface, SurfaceRole, ring_ranges};
-use insula_source::problems::UNIT_GUESSED;
-use insula_source::units::{FOOT_M, metres_of};
+use insula_source::units::FOOT_M;
 use std::ops::Range;
 
 /// Problem of a building that stays a plan.
@@ -30,11 +28,6 @@ impl SceneSink<'_, '_, '_> {
         if !has_height(&object.attributes, hints) {
             self.report.problem(FLAT, || object.id.clone());
             return None;
-        }
-        let units = object.attributes.iter().filter_map(|(name, unit)| Some((name.strip_suffix(".uom")?, unit)));
-        let is_unknown = |unit: &AttributeValue| unit.as_str().and_then(metres_of).is_none();
-        for (name, unit) in units.filter(|(name, unit)| is_height(name) && is_unknown(unit)) {
-            self.report.problem(UNIT_GUESSED, || format!("{}: {name} in {unit}, taken as metres", object.id));
         }
         // Many programs write 0 where they know no height.
         let has_ground = polygons.iter().flat_map(|surface| &surface.points).any(|point| point[2] != 0.0);

@@ -21,6 +21,8 @@ pub(super) struct LayerPlace {
     pub(super) height_unit_m: f64,
     /// Added to all heights in metres.
     pub(super) height_offset_m: f64,
+    /// A unit of heights that is not known.
+    pub(super) unknown_unit: Option<String>,
 }
 
 impl LayerPlace {
@@ -56,7 +58,9 @@ impl LayerPlace {
         let offset_m = offset.and_then(|elevation| {
             Some(elevation.offset? * elevation.unit.as_deref().and_then(metres_of).unwrap_or(1.0))
         });
-        let unit_m = model.and_then(|model| model.height_unit.as_deref()).and_then(metres_of);
+        let unit = model.and_then(|model| model.height_unit.as_deref()).filter(|unit| !unit.trim().is_empty());
+        let unit_m = unit.and_then(metres_of);
+        let unknown_unit = unit.filter(|_| unit_m.is_none()).map(str::to_owned);
         let unit_m = unit_m.or(vertical.map(unit_of_vertical));
         // Heights are converted here: the unit of the system must not be applied again. It is theirs if no other is told.
         let crs =
@@ -66,6 +70,7 @@ impl LayerPlace {
             is_in_degrees,
             height_unit_m: unit_m.unwrap_or(1.0),
             height_offset_m: offset_m.filter(|offset| offset.is_finite()).unwrap_or(0.0),
+            unknown_unit,
         }
     }
 }
@@ -123,7 +128,8 @@ mod tests {
     #[test]
     fn units_of_heights() {
         assert_eq!(place(r#"{"heightModelInfo":{"heightUnit":"us-foot"},"ZFactor":7}"#).height_unit_m, 1200.0 / 3937.0);
-        assert_eq!(place(r#"{"heightModelInfo":{"heightUnit":"cubit"},"ZFactor":0.3048}"#).height_unit_m, 1.0);
+        let unknown = place(r#"{"heightModelInfo":{"heightUnit":"cubit"},"ZFactor":0.3048}"#);
+        assert_eq!((unknown.height_unit_m, unknown.unknown_unit.as_deref()), (1.0, Some("cubit")));
         for (json, unit_m, of_system) in [
             (r#"{"spatialReference":{"wkid":2263},"heightModelInfo":{"heightUnit":"us-foot"}}"#, US_FOOT_M, Some(1.0)),
             (r#"{"spatialReference":{"wkid":2263,"vcsWkid":105703,"latestVcsWkid":6360}}"#, US_FOOT_M, Some(1.0)),

@@ -12,6 +12,7 @@ use crate::tiles3d::kind;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, Shape, SourceObject, TriangleMesh, Wrap};
+use insula_source::problems::UNIT_GUESSED;
 use std::collections::HashSet;
 
 /// Layers with more nodes are refused.
@@ -64,6 +65,9 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
     pub(super) fn read(mut self) -> Result<(), InputError> {
         if let Some(crs) = &self.place.crs {
             self.sink.set_crs(crs)?;
+        }
+        if let Some(unit) = &self.place.unknown_unit {
+            self.sink.problem(UNIT_GUESSED, format!("heights in {unit}, which is not known, taken as metres"));
         }
         let mut nodes = Nodes::new(self.layer);
         let mut first_error = None;

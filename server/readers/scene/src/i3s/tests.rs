@@ -5,6 +5,7 @@ use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceImage};
+use insula_source::problems::UNIT_GUESSED;
 use insula_source::testing::{TestFiles, TestSink};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -111,6 +112,16 @@ fn finest_nodes_are_read_with_attributes_materials_and_places() {
     // Node 1 is below node 2 again; node 3 has no files.
     assert_eq!(sink.problems[0].0, "node has two parents or contains itself");
     assert_eq!(sink.skipped.iter().map(|(reason, _)| *reason).collect::<Vec<_>>(), ["node cannot be read"]);
+}
+
+#[test]
+fn an_unknown_unit_of_heights_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    write_layer(folder.path());
+    let layer = layer().to_string().replace("\"foot\"", "\"cubit\"");
+    write(folder.path(), "3dSceneLayer.json", layer.as_bytes());
+    let (sink, _) = read_at(folder.path(), "3dSceneLayer.json", None);
+    assert!(sink.problems[0].0 == UNIT_GUESSED && sink.problems[0].1.contains("cubit"), "{:?}", sink.problems);
 }
 
 #[test]
