@@ -30,7 +30,9 @@ use insula_source::address_reader::AddressReader;
 use insula_source::attributes::{Attributes, NamePatterns};
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, FeatureKind, KindFilter};
-use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, ODD_ZEROS, OUTSIDE, PICTURE_ALONE};
+use insula_source::problems::{
+    COARSE_TERRAIN, FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, ODD_ZEROS, OUTSIDE, PICTURE_ALONE,
+};
 use insula_source::report::{FacadeReport, ReadReport, SourceReport};
 use insula_source::units::HeightUnit;
 use std::path::{Path, PathBuf};
@@ -405,6 +407,9 @@ impl<'o> ReadContext<'o> {
         let (cell_m, options) = (self.options.cell_m, self.options.terrain);
         let ground = GroundPictures::new(&self.shapes, rgb, cell_m, options.texel_m)
             .map_err(|error| InputError::io(&report.path, std::io::Error::other(error)))?;
+        if let Some(text) = self.elevation.coarse_grid(city, cell_m, options) {
+            report.problem(COARSE_TERRAIN, || text);
+        }
         let mut tiles = 0_u64;
         let made = self.elevation.make_terrain(city, cell_m, options, &ground, &mut |tile| {
             let TerrainTile { name, triangles, drape } = tile;

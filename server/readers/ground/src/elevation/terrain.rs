@@ -71,6 +71,8 @@ struct Region<'e> {
     /// World position of the south-western point.
     corner: [f64; 2],
     step_m: f64,
+    /// The step without the limit of heights.
+    wanted_step_m: f64,
     size: [u32; 2],
     /// Whether it has heights where no model has one: under a city, and in small gaps.
     is_extended: bool,
@@ -137,7 +139,8 @@ impl<'e> Region<'e> {
         if !(low[0] < high[0] && low[1] < high[1]) {
             return None;
         }
-        let (mut step_m, aligned) = elevation.grid_step(cell_m);
+        let (wanted_step_m, aligned) = elevation.grid_step(cell_m);
+        let mut step_m = wanted_step_m;
         while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
             step_m *= 2.0;
         }
@@ -152,7 +155,8 @@ impl<'e> Region<'e> {
         let from = aligned.unwrap_or_default();
         let corner = array::from_fn(|axis| from[axis] + ((low[axis] - from[axis]) / step_m).floor() * step_m);
         let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m - 1e-6).ceil().min(1e8) as u32 + 1);
-        Some(Self { elevation, corner, step_m, size, is_extended: city.is_some(), limits, part: RefCell::default() })
+        let (is_extended, part) = (city.is_some(), RefCell::default());
+        Some(Self { elevation, corner, step_m, wanted_step_m, size, is_extended, limits, part })
     }
 
     /// World position of a place in the part that was read last.
@@ -189,6 +193,20 @@ impl Elevation {
         }
         let finest_m = if self.bases.is_empty() { f64::INFINITY } else { cell_m * FIT_CELLS };
         ((pixel_m / STEPS_PER_PIXEL).max(cell_m).min(pixel_m).min(finest_m).max(cell_m / 2.0), None)
+    }
+
+    /// What to tell if the terrain around a city has a coarser grid than its models, because it would have too many heights; `None` if not.
+    pub fn coarse_grid(&self, city: Option<[[f64; 2]; 2]>, cell_m: f64, options: TerrainOptions) -> Option<String> {
+        let Region { step_m, wanted_step_m, .. } = Region::new(self, city, cell_m, options.margin_m)?;
+        let is_level = self.level.as_ref().is_some_and(LevelGround::is_level);
+        (step_m > wanted_step_m && !is_level).then(|| {
+            let [step_m, wanted_m] = [step_m, wanted_step_m].map(|metres| (metres * 100.0).round() / 100.0);
+            format!(
+                "a height each {step_m} m in place of {wanted_m} m, as there would be more than {} million; bake a part \
+                 with --bbox",
+                MAX_HEIGHTS / 1e6
+            )
+        })
     }
 
     /// Passes the terrain around a city to `add`, tile by tile, with pictures of the ground. The models must be
@@ -285,4 +303,29 @@ fn bounds_on_map(triangles: &[[[f64; 3]; 3]]) -> [[f64; 2]; 2] {
     triangles.iter().flatten().fold([[f64::MAX; 2], [f64::MIN; 2]], |[low, high], corner| {
         [[0, 1].map(|axis| low[axis].min(corner[axis])), [0, 1].map(|axis| high[axis].max(corner[axis]))]
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_place::placement::World;
+    use insula_source::source::embedded;
+
+    #[test]
+    fn a_grid_that_the_limit_makes_coarser_is_told() {
+        let grid =
+            |at: u32| format!("ncols 3\nnrows 3\nxllcorner {at}\nyllcorner {at}\ncellsize 1\n1 1 1\n1 1 1\n1 1 1\n");
+        let (near, far) = (grid(500_000), grid(530_000));
+        let files = [("a.asc", near.as_bytes()), ("b.asc", far.as_bytes())];
+        let mut elevation = Elevation::default();
+        for (number, source) in embedded(&files).iter().enumerate() {
+            elevation.open(source, number, None).unwrap();
+        }
+        elevation.settle(&mut World::new(Some("EPSG:25832"), None).unwrap()).unwrap();
+        let options = TerrainOptions::default();
+        let text = elevation.coarse_grid(None, 1.0, options).unwrap();
+        assert!(text.starts_with("a height each 2") && text.contains("in place of 1"), "{text}");
+        let city = [[500_000.0; 2], [500_100.0; 2]];
+        assert_eq!(elevation.coarse_grid(Some(city), 1.0, options), None);
+    }
 }
