@@ -24,6 +24,8 @@ pub(super) const GEOMETRY_NAMES: [&str; 10] =
 const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
 const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
 const NO_GEOMETRY: &str = "no geometry";
+/// Beginning of an object of JSON whose quotation marks are not doubled, as MySQL has it.
+const ESCAPED_JSON: &[u8] = b"{\\\"";
 /// Bytes in which the delimiter is looked for.
 const HEAD_BYTES: u64 = 1 << 16;
 /// Lines between two progress reports.
@@ -59,8 +61,13 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     };
     let guess = likely_encoding(&head);
     let is_open = head.is_ascii();
+    let mut builder = ReaderBuilder::new();
+    builder.has_headers(false).flexible(true).delimiter(delimiter);
+    if head.windows(ESCAPED_JSON.len()).any(|text| text == ESCAPED_JSON) {
+        builder.escape(Some(b'\\')).double_quote(false);
+    }
     let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
-    let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
+    let mut lines = builder.from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
     let mut first = ByteRecord::new();
     let mut second = ByteRecord::new();

@@ -93,6 +93,15 @@ fn geometries_may_be_texts_of_geojson() {
 }
 
 #[test]
+fn quotation_marks_within_texts_may_be_behind_a_backslash() {
+    let shape = r#"{\"type\": \"Polygon\", \"coordinates\": [[[10,10],[19,10],[19,19],[10,19],[10,10]]]}"#;
+    let lines = format!("id,geom,note\n7,\"{shape}\",\"a \\\"b\\\"\"\n");
+    let sink = read(read_csv, &[("a.csv", lines.as_bytes())]);
+    assert_eq!(rings(&sink.objects[0].shape)[0].rings, [square(10.0, 10.0, 9.0)]);
+    assert_eq!(sink.objects[0].attributes.get("note"), Some(&text("a \"b\"")));
+}
+
+#[test]
 fn other_tables_are_refused() {
     for lines in [&b""[..], b"a,b\n1,2\n", b"\n\n\n", b"\xff\xfe\0"] {
         assert!(run(read_csv, &[("a.csv", lines)], None).0.is_err(), "{lines:?}");
