@@ -35,10 +35,12 @@ const THAI: &[&str] = &["านรอกเงมยลวดทสตะปบ�
 
 /// Signs of many texts.
 const SIGNS: &str = "\u{a0}’–—„“”«»°²³§№€…½±·";
-/// Shares of the letters beyond ASCII: each rank has this part of the one before it.
-const LATIN_DECAY: f64 = 0.75;
-const DECAY: f64 = 0.9;
-/// Logarithms of probabilities: of a letter that a language does not have.
+/// Logarithms of probabilities: of the most frequent letter beyond ASCII among these, and of each further rank by the one before it. Of
+/// languages of Latin letters, a quarter and three quarters.
+const LATIN_RANKS: [f64; 2] = [-1.386, -0.288];
+/// Of others, a tenth and nine tenths.
+const RANKS: [f64; 2] = [-2.303, -0.105];
+/// Of a letter that a language does not have.
 const FOREIGN: f64 = -6.9;
 /// Of a letter beyond ASCII, and of one of ASCII, in a language of Latin letters.
 const ACCENTED: f64 = -2.66;
@@ -127,23 +129,22 @@ fn families() -> Vec<PageFamily> {
 /// What each byte of a page is, and the logarithm of its probability in a language.
 fn meanings(page: CodePage, letters: &str) -> [(ByteKind, f64); 256] {
     let is_latin = letters.starts_with(|letter: char| letter < '\u{250}');
-    let decay = if is_latin { LATIN_DECAY } else { DECAY };
+    let [first, each] = if is_latin { LATIN_RANKS } else { RANKS };
     let case = |letter: char| if letter.is_uppercase() { ByteKind::Capital } else { ByteKind::Lower };
     std::array::from_fn(|byte| {
         let byte = byte as u8;
         let Some(letter) = page.decode(&[byte]).chars().next() else { return (ByteKind::Sign, CONTROL) };
+        if letter.is_ascii_alphabetic() {
+            return (case(letter), if is_latin { PLAIN } else { FOREIGN });
+        }
         if letter.is_ascii() {
-            return match letter {
-                _ if letter.is_ascii_digit() => (ByteKind::Digit, 0.0),
-                _ if letter.is_ascii_alphabetic() => (case(letter), if is_latin { PLAIN } else { FOREIGN }),
-                _ => (ByteKind::Separator, 0.0),
-            };
+            return (if letter.is_ascii_digit() { ByteKind::Digit } else { ByteKind::Separator }, 0.0);
         }
         let lower = letter.to_lowercase().next().unwrap_or(letter);
         let rank = |wanted: char| letters.chars().position(|known| known == wanted);
         let accent = if is_latin { ACCENTED } else { 0.0 };
         match rank(letter).or_else(|| rank(lower)) {
-            Some(rank) => (case(letter), accent + (1.0 - decay).ln() + rank as f64 * decay.ln()),
+            Some(rank) => (case(letter), accent + first + rank as f64 * each),
             None if letter.is_alphabetic() => (case(letter), accent + FOREIGN),
             // Pages of encoding_rs have control codes and letters of private use where they have none.
             None if letter.is_control() || letter >= '\u{e000}' => (ByteKind::Sign, CONTROL),
