@@ -222,13 +222,35 @@ pub struct DecodingReader<R> {
     is_finished: bool,
     /// Whether any byte was invalid in the encoding.
     pub has_invalid_bytes: bool,
+    /// The first bytes with such among them, as they are in the file.
+    invalid: Vec<u8>,
 }
 
 impl<R: BufRead> DecodingReader<R> {
     /// Decodes what `inner` has.
     pub fn new(inner: R, decoder: Decoder) -> Self {
         let chunk = vec![0; CHUNK_BYTES].into_boxed_slice();
-        Self { inner, decoder, chunk, start: 0, end: 0, is_finished: false, has_invalid_bytes: false }
+        Self {
+            inner,
+            decoder,
+            chunk,
+            start: 0,
+            end: 0,
+            is_finished: false,
+            has_invalid_bytes: false,
+            invalid: Vec::new(),
+        }
+    }
+
+    /// The encoding that the bytes so far are likely in, if they should be in UTF-8, and are not.
+    pub fn likely_encoding(&self) -> Option<&'static Encoding> {
+        if self.decoder.encoding() != UTF_8 || self.invalid.is_empty() {
+            return None;
+        }
+        match likely_encoding(&self.invalid).page {
+            CodePage::Known(encoding) if encoding != UTF_8 => Some(encoding),
+            _ => None,
+        }
     }
 
     fn decode_chunk(&mut self) -> io::Result<()> {
@@ -240,6 +262,9 @@ impl<R: BufRead> DecodingReader<R> {
             };
             let is_last = bytes.is_empty();
             let (result, read, written, has_invalid) = self.decoder.decode_to_utf8(bytes, &mut self.chunk, is_last);
+            if has_invalid && self.invalid.len() < CHUNK_BYTES {
+                self.invalid.extend_from_slice(&bytes[..read]);
+            }
             self.inner.consume(read);
             self.end = written;
             self.has_invalid_bytes |= has_invalid;

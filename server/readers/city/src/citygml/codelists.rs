@@ -53,7 +53,7 @@ impl<'a> Codelists<'a> {
     fn read(&self, code_space: &str, names: &mut HashMap<Box<str>, Box<str>>) -> Result<(), InputError> {
         let path = relative_to(self.source_name, code_space);
         let file = self.files.open(&path).map_err(|cause| InputError::io(&path, cause))?;
-        let text = TextReader::new(&path, Box::new(BufReader::new(file.take(MAX_LIST_BYTES))))?;
+        let text = TextReader::new(&path, Box::new(BufReader::new(file.take(MAX_LIST_BYTES))), None)?;
         let mut reader = XmlReader::new(&path, text);
         let mut tree = Tree::default();
         let context = BuildContext { dimension: None, has_appearance: &|_| false };

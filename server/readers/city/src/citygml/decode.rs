@@ -1,6 +1,6 @@
 //! Bytes of an XML file as UTF-8, whatever its encoding.
 
-use encoding_rs::{UTF_8, UTF_16BE, UTF_16LE};
+use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use insula_source::error::InputError;
 use insula_source::text::{DecodingReader, read_declaration};
 use std::io::{self, BufRead, Chain, Cursor, Read};
@@ -22,9 +22,15 @@ pub(super) struct TextReader<'a> {
 }
 
 impl<'a> TextReader<'a> {
-    /// Fails if the file cannot be read or declares an unknown encoding.
-    pub(super) fn new(label: &str, mut inner: Box<dyn BufRead + 'a>) -> Result<Self, InputError> {
+    /// Fails if the file cannot be read or declares an unknown encoding. `known` is the encoding of a file that says it is in UTF-8, and is
+    /// not.
+    pub(super) fn new(
+        label: &str,
+        mut inner: Box<dyn BufRead + 'a>,
+        known: Option<&'static Encoding>,
+    ) -> Result<Self, InputError> {
         let (head, encoding) = read_declaration(label, &mut inner)?;
+        let encoding = known.filter(|_| encoding == UTF_8).unwrap_or(encoding);
         let encoding = match head.get(..2) {
             // The first character of XML, without a mark before it.
             Some(b"<\0") => UTF_16LE,
@@ -40,6 +46,11 @@ impl<'a> TextReader<'a> {
     /// Whether any byte was invalid in the encoding.
     pub(super) fn has_invalid_bytes(&self) -> bool {
         self.inner.has_invalid_bytes
+    }
+
+    /// The encoding that the text so far is likely in, if it is not in the one that the file says.
+    pub(super) fn likely_encoding(&self) -> Option<&'static Encoding> {
+        self.inner.likely_encoding()
     }
 
     /// Begins a tag or text.
@@ -80,7 +91,7 @@ mod tests {
     use super::*;
 
     fn decode(bytes: &[u8]) -> (String, bool) {
-        let mut reader = TextReader::new("x", Box::new(bytes)).unwrap();
+        let mut reader = TextReader::new("x", Box::new(bytes), None).unwrap();
         let mut text = String::new();
         reader.read_to_string(&mut text).unwrap();
         (text, reader.has_invalid_bytes())
@@ -106,13 +117,13 @@ mod tests {
     #[test]
     fn replaces_invalid_bytes_and_refuses_unknown_encodings() {
         assert_eq!(decode(b"<a>\xFF\xE6</a>"), ("<a>\u{FFFD}\u{FFFD}</a>".into(), true));
-        assert!(TextReader::new("x", Box::new(&b"<?xml encoding='klingon'?>"[..])).is_err());
+        assert!(TextReader::new("x", Box::new(&b"<?xml encoding='klingon'?>"[..]), None).is_err());
     }
 
     #[test]
     fn limits_the_length_of_an_event() {
         let endless = io::BufReader::new(io::repeat(b'a'));
-        let mut reader = TextReader::new("x", Box::new(endless)).unwrap();
+        let mut reader = TextReader::new("x", Box::new(endless), None).unwrap();
         let count = io::copy(&mut reader, &mut io::sink());
         assert!(count.is_err() && reader.is_event_too_long);
     }

@@ -33,9 +33,11 @@ mod xml;
 use appearance::Appearances;
 use appearance_reader::{Scan, read_appearances};
 use decode::TextReader;
+use encoding_rs::Encoding;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
+use insula_source::problems::ENCODING_GUESSED;
 use session::{Pass, Session};
 use std::io::BufRead;
 use xml::XmlReader;
@@ -43,8 +45,13 @@ use xml::XmlReader;
 /// Reads all objects of a CityGML file. Positions are in the order of axes that the registry of coordinate systems
 /// defines. Fails if the file cannot be read, is not CityGML or is damaged; objects before the damage are passed on.
 pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
-    let appearances = if has_appearances(input)? { appearances_of(input, sink)? } else { Appearances::default() };
-    let mut session = Session::new(input, sink, appearances);
+    let Scanned { has_appearances, encoding } = scan(input)?;
+    if let Some(encoding) = encoding {
+        let detail = format!("{}: it is not in UTF-8, as it says, and taken as {}", input.name, encoding.name());
+        sink.problem(ENCODING_GUESSED, detail);
+    }
+    let appearances = if has_appearances { appearances_of(input, encoding, sink)? } else { Appearances::default() };
+    let mut session = Session::new(input, sink, appearances, encoding);
     let result = session.run(Pass::Main);
     if !session.has_deferred() {
         return result;
@@ -55,24 +62,36 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     result.and(collected).and(deferred)
 }
 
-/// Whether the file has appearances. Faults of the file are left to the pass that reads the objects.
-fn has_appearances(input: &Input<'_>) -> Result<bool, InputError> {
-    let mut text = TextReader::new(input.label, input.open()?.reader)?;
+/// What a look at the text of a file tells.
+struct Scanned {
+    has_appearances: bool,
+    /// That of a file which says that it is in UTF-8, and is not, up to the first appearance.
+    encoding: Option<&'static Encoding>,
+}
+
+/// Looks through a file up to its first appearance. Its faults are left to the pass that reads the objects.
+fn scan(input: &Input<'_>) -> Result<Scanned, InputError> {
+    let mut text = TextReader::new(input.label, input.open()?.reader, None)?;
     let mut scan = Scan::new();
-    loop {
+    let has_appearances = loop {
         text.begin_event();
         let count = match text.fill_buf() {
-            Ok([]) | Err(_) => return Ok(false),
-            Ok(chunk) if scan.finds(chunk) => return Ok(true),
+            Ok([]) | Err(_) => break false,
+            Ok(chunk) if scan.finds(chunk) => break true,
             Ok(chunk) => chunk.len(),
         };
         text.consume(count);
-    }
+    };
+    Ok(Scanned { has_appearances, encoding: text.likely_encoding() })
 }
 
 /// The appearances up to the end of the file or its first fault, which the pass that reads the objects meets again.
-fn appearances_of(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<Appearances, InputError> {
-    let text = TextReader::new(input.label, input.open()?.reader)?;
+fn appearances_of(
+    input: &Input<'_>,
+    encoding: Option<&'static Encoding>,
+    sink: &mut dyn ObjectSink,
+) -> Result<Appearances, InputError> {
+    let text = TextReader::new(input.label, input.open()?.reader, encoding)?;
     let mut appearances = Appearances::default();
     let _ = read_appearances(&mut XmlReader::new(input.label, text), sink, &mut appearances);
     appearances.finish();

@@ -11,6 +11,7 @@ use super::store::Store;
 use super::tree::{AttributeKind, MAX_OBJECT_BYTES, Tree, hash_of_reference};
 use super::tree_builder::{BuildContext, Built, build, start_tree};
 use super::xml::{Event, XmlReader};
+use encoding_rs::Encoding;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink, SurfaceRole};
@@ -48,6 +49,8 @@ pub(super) struct Session<'i, 's> {
     pub(super) current_srs: Option<String>,
     /// Numbers of a position in the whole file.
     dimension: Option<u8>,
+    /// Of a file that says it is in UTF-8, and is not.
+    encoding: Option<&'static Encoding>,
     /// Objects of this pass so far.
     count: u64,
     deferred: HashSet<u64>,
@@ -56,7 +59,12 @@ pub(super) struct Session<'i, 's> {
 }
 
 impl<'i, 's> Session<'i, 's> {
-    pub(super) fn new(input: &'s Input<'i>, sink: &'s mut dyn ObjectSink, appearances: Appearances) -> Self {
+    pub(super) fn new(
+        input: &'s Input<'i>,
+        sink: &'s mut dyn ObjectSink,
+        appearances: Appearances,
+        encoding: Option<&'static Encoding>,
+    ) -> Self {
         Self {
             input,
             sink,
@@ -66,6 +74,7 @@ impl<'i, 's> Session<'i, 's> {
             model_srs: None,
             current_srs: None,
             dimension: None,
+            encoding,
             count: 0,
             deferred: HashSet::new(),
             missing: HashSet::new(),
@@ -81,7 +90,7 @@ impl<'i, 's> Session<'i, 's> {
     pub(super) fn run(&mut self, pass: Pass) -> Result<(), InputError> {
         self.count = 0;
         let open = self.input.open()?;
-        let text = TextReader::new(self.input.label, open.reader)?;
+        let text = TextReader::new(self.input.label, open.reader, self.encoding)?;
         let mut reader = XmlReader::new(self.input.label, text);
         let mut result = self.run_reader(&mut reader, pass, &open.bytes_read);
         if pass == Pass::Main {

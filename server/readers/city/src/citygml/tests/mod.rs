@@ -10,6 +10,7 @@ use insula_source::error::InputError;
 use insula_source::files::EmbeddedFiles;
 use insula_source::input::Input;
 use insula_source::object::{Shape, SourceObject, Surface};
+use insula_source::problems::ENCODING_GUESSED;
 use insula_source::testing::{TestSink, gzip};
 
 /// Start of a file of CityGML 2.0, up to its objects.
@@ -106,6 +107,17 @@ fn corners(object: &SourceObject) -> Vec<f64> {
     let mut corners: Vec<_> = polygons(object).iter().map(|surface| surface.points[0][0]).collect();
     corners.sort_by(f64::total_cmp);
     corners
+}
+
+#[test]
+fn texts_that_are_not_in_utf8_as_declared_are_guessed() {
+    let object = member("<bldg:Building gml:id='b'><bldg:class>Stra\u{df}e in K\u{f6}ln</bldg:class></bldg:Building>");
+    // Letters of Latin-1 have the numbers of Unicode.
+    let bytes: Vec<u8> = format!("{HEAD_2}{object}{TAIL}").chars().map(|letter| letter as u8).collect();
+    let (sink, result) = read_bytes(&bytes);
+    result.unwrap();
+    assert_eq!(sink.objects[0].attributes.get("class").map(ToString::to_string).as_deref(), Some("Straße in Köln"));
+    assert!(sink.problems.iter().any(|(kind, _)| *kind == ENCODING_GUESSED), "{:?}", sink.problems);
 }
 
 #[test]
