@@ -56,6 +56,9 @@ const MAX_DOUBLINGS: u32 = 10;
 const HALVINGS: u32 = 5;
 /// Models further from a place tell nothing of it.
 const MAX_BEYOND_M: f64 = 5000.0;
+/// What to tell of a picture that is black at a corner.
+const BLACK_CORNER: &str =
+    "a corner of the picture is black, which is drawn; if it marks missing pixels, gdal_translate -a_nodata 0 tells so";
 /// Larger files beside a raster are no world files or coordinate systems.
 const MAX_SIDECAR_BYTES: u64 = 1 << 20;
 /// A larger `layer.json` is refused. Lists of available tiles can be long.
@@ -158,13 +161,18 @@ impl Elevation {
             raster.set_nodata(nodata);
         }
         let (mask, unread) = mask_beside(source, &mut raster);
+        let (is_picture, guess) = raster.is_picture(unpacked_name(&source.name));
+        if is_picture && let Some(nodata) = aux.nodata {
+            raster.set_missing_colour(nodata);
+        }
+        let is_bordered = is_picture && raster.has_black_corner();
         let facts = raster.facts();
         let mut warnings: Vec<String> = raster.warning().into_iter().chain(unread).collect();
+        warnings.extend(is_bordered.then(|| BLACK_CORNER.to_owned()));
         if let Some(unit) = &facts.unknown_unit {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }
         warnings.extend(facts.crs.other_unit.clone());
-        let (is_picture, guess) = raster.is_picture(unpacked_name(&source.name));
         warnings.extend(guess.map(str::to_owned));
         let place = match facts.place {
             Some(place) => place,

@@ -89,6 +89,9 @@ mod point_cloud {
 /// Bytes by which formats are told apart.
 const START_BYTES: u64 = 64;
 
+/// Pixels along the side of a corner of a picture.
+const CORNER_PIXELS: u32 = 8;
+
 /// Words in names of files with heights.
 const NAMES_OF_HEIGHTS: [&str; 13] =
     ["dem", "dtm", "dsm", "dgm", "mnt", "mns", "mne", "mdt", "mds", "height", "heights", "heightmap", "elevation"];
@@ -164,6 +167,13 @@ impl Raster {
             Content::Ascii(grid) => grid.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
             Content::Hgt(hgt) => hgt.nodata_by_hand = Some(nodata),
             Content::Picture(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {}
+        }
+    }
+
+    /// Sets the number that marks missing pixels of a TIFF picture which declares none.
+    pub(crate) fn set_missing_colour(&mut self, nodata: f64) {
+        if let Content::Tiff(tiff) = &mut self.content {
+            tiff.nodata = tiff.nodata.or(Some(self.facts.sample.rounded(nodata)));
         }
     }
 
@@ -282,6 +292,18 @@ impl Raster {
             mask.visit_hidden(window, *size, |pixel| pixels[pixel][3] = 0)?;
         }
         Ok(pixels)
+    }
+
+    /// Whether a TIFF picture is black at one of its corners, as those are that do not say where they have no value.
+    pub(crate) fn has_black_corner(&mut self) -> bool {
+        let RasterSize { width, height } = self.facts.size;
+        if !matches!(self.content, Content::Tiff(_)) || width < 2 * CORNER_PIXELS || height < 2 * CORNER_PIXELS {
+            return false;
+        }
+        let corners = [0, width - CORNER_PIXELS].into_iter().flat_map(|x| [[x, 0], [x, height - CORNER_PIXELS]]);
+        let windows = corners.map(|[x, y]| Window { x, y, width: CORNER_PIXELS, height: CORNER_PIXELS });
+        let is_black = |pixels: Vec<[u8; 4]>| pixels.iter().all(|pixel| *pixel == [0, 0, 0, 255]);
+        windows.into_iter().any(|window| self.read_colours(window, 0).is_ok_and(is_black))
     }
 
     fn window_len(&self, window: Window, level: usize) -> Result<usize, RasterError> {

@@ -10,6 +10,23 @@ fn pixels(bands: u16, photometric: u16, numbers: &[u8]) -> TestImage {
 }
 
 #[test]
+fn a_black_corner_of_a_picture_is_found() {
+    let picture = |corner: u8| {
+        let inner = |at: u32| if at % 16 < 8 && at / 16 < 8 { corner } else { 200 };
+        let pixels = (0..16 * 16).flat_map(|at| [inner(at); 3]).collect();
+        TestImage::new([16, 16], 3, [8, 1], pixels).shorts(262, &[2])
+    };
+    let is_found = |image: &TestImage| open(&image.file()).unwrap().has_black_corner();
+    assert!(is_found(&picture(0)) && !is_found(&picture(1)));
+    assert!(!is_found(&picture(0).tag(42113, Values::Text("0"))), "told");
+    let mut raster = open(&picture(0).file()).unwrap();
+    raster.set_missing_colour(0.0);
+    assert!(!raster.has_black_corner(), "told beside the file");
+    let window = Window { x: 7, y: 0, width: 2, height: 1 };
+    assert_eq!(raster.read_colours(window, 0).unwrap(), [[0; 4], [200, 200, 200, 255]]);
+}
+
+#[test]
 fn kinds_of_colours() {
     assert_eq!(colours(&pixels(1, 1, &[0, 7]).file()), [[0, 0, 0, 255], [7, 7, 7, 255]]);
     assert_eq!(colours(&pixels(1, 0, &[0, 7]).file()), [[255; 4], [248, 248, 248, 255]]);

@@ -45,7 +45,7 @@ pub(super) struct TiffRaster {
     levels: Vec<TiffImage>,
     /// Images of 0 where the image, or its copy of the same size, has no value.
     masks: Vec<TiffImage>,
-    nodata: Option<f64>,
+    pub(super) nodata: Option<f64>,
     /// The mark of missing heights that the user gives.
     pub(super) nodata_by_hand: Option<f64>,
     heights: HeightRule,
