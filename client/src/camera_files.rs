@@ -40,8 +40,7 @@ impl PlacedCamera {
                 degrees_fault(manifest, [x, y]).map_or(Ok((file, camera)), |fault| Err(ClientError::Usage(fault)))
             }
             Self::OnEarth(typed) => {
-                let camera = camera_text::of_numbers(typed.in_city(manifest).map_err(ClientError::Usage)?);
-                let camera = camera.ok_or_else(|| ClientError::Usage("--camera is out of range".to_owned()))?;
+                let camera = camera_of(typed.in_city(manifest).map_err(ClientError::Usage)?)?;
                 Ok((CameraFile::from_camera(&camera), camera))
             }
         }
@@ -58,15 +57,16 @@ impl From<Camera> for PlacedCamera {
 pub fn given_camera(value: &Path) -> Result<PlacedCamera> {
     match GivenCamera::parse(value).map_err(ClientError::Usage)? {
         GivenCamera::OnEarth(camera) => Ok(PlacedCamera::OnEarth(camera)),
-        GivenCamera::InCity(numbers) => {
-            let camera = camera_text::of_numbers(numbers);
-            camera.map(PlacedCamera::from).ok_or_else(|| ClientError::Usage("--camera is out of range".to_owned()))
-        }
+        GivenCamera::InCity(numbers) => Ok(camera_of(numbers)?.into()),
         GivenCamera::File(path) => {
             let (file, camera) = read(&path, CameraFile::parse)?;
             Ok(PlacedCamera::InCity(file, camera))
         }
     }
+}
+
+fn camera_of(numbers: [f64; 6]) -> Result<Camera> {
+    camera_text::of_numbers(numbers).ok_or_else(|| ClientError::Usage("--camera is out of range".to_owned()))
 }
 
 /// Reads a camera file. Fails if it cannot be read or holds no valid camera.

@@ -125,7 +125,7 @@ fn parse_place(text: &str, manifest: &Manifest) -> Result<ViewAction, String> {
     };
     let on_earth = |[lon, lat]: [f64; 2]| {
         let is_on_earth = lon.abs() <= 180.0 && lat.abs() <= 90.0;
-        is_on_earth.then(|| grid_position(manifest, [lon, lat])).flatten().map(|place| place.to_array())
+        is_on_earth.then(|| grid_position(manifest, [lon, lat])).flatten()
     };
     let meant = [Some([x, y]), on_earth([x, y]), on_earth([y, x])].into_iter().flatten().find(is_near);
     meant.map(|[x, y]| ViewAction::GoTo { x, y, z }).ok_or_else(|| {

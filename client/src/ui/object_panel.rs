@@ -274,7 +274,10 @@ mod tests {
         panel.click(Some(3), true);
         assert_eq!(*panel.selected(), BTreeSet::from([5]));
         panel.click(Some(9), false);
-        assert_eq!(*panel.selected(), BTreeSet::from([9]));
+        assert_eq!((panel.selected(), panel.only_selected()), (&BTreeSet::from([9]), Some(9)));
+        panel.click(Some(FIRST_ADDED), false);
+        assert_eq!((panel.selected().len(), panel.only_selected()), (1, None), "links have no numbers of a proposal");
+        panel.click(Some(9), false);
         panel.click(Some(2), true);
         panel.retain(|id| id == 2);
         assert_eq!(*panel.selected(), BTreeSet::from([2]));

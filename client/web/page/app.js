@@ -31,7 +31,17 @@ function offeredLanguages() {
   return list.split(' ').filter((code) => /^[a-z]{2,3}$/.test(code));
 }
 
+/**
+ * Reads the module that the page has preloaded for the worker, which gets it from the browser's cache. Browsers warn of what the page itself
+ * never reads.
+ */
+function readPreloaded() {
+  const address = document.querySelector('link[rel="preload"][as="fetch"]')?.getAttribute('href');
+  if (address) fetch(address).then((response) => response.arrayBuffer()).catch(() => {});
+}
+
 prepareEngine();
+readPreloaded();
 const language = loadLanguage(navigator.languages ?? [navigator.language], offeredLanguages());
 if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);
 

@@ -136,6 +136,8 @@ fn ensure_page_shows_city(options: PageOptions) -> Result<()> {
     let cpu = "(({ kind, why }) => kind === 'cpu' && why !== '')";
     page.page.wait_for(&format!("{cpu}({}.insulaSeen.adapter.detail)", CityPage::element(0)), REACTION)?;
     ensure!(hosts(&page)? == BTreeSet::from([server.address.to_string()]), "{:?}", hosts(&page)?);
+    let in_vain = page.page.console_messages()?.into_iter().find(|message| message.text.contains("preload"));
+    ensure!(in_vain.is_none(), "{in_vain:?}");
     ensure_no_problems(&page)
 }
 
