@@ -3,7 +3,6 @@
 
 mod footprints;
 mod ground_shapes;
-mod landmark;
 mod materials;
 mod mesh_place;
 mod mesh_shape;
@@ -17,7 +16,7 @@ mod texts;
 mod told_heights;
 
 use super::context::{ByteProgress, ReadContext};
-use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
+use super::scene_builder::{ObjectRelation, OpenObject, PendingLandmark, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{HeightHints, has_height, is_hidden};
 use insula_place::PlacingOptions;
@@ -138,6 +137,22 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let height_field = options.height_field.as_deref();
         let max_line_bytes = options.max_line_bytes;
         Input { bbox_deg, height_field, max_line_bytes, ..self.source.input(options.max_source_bytes) }
+    }
+
+    /// Sets where the positions are that follow.
+    pub(crate) fn set_placement(&mut self, placement: Placement) {
+        (self.placement, self.frame, self.unplaced_mesh) = (placement, LocalFrame::IDENTITY, None);
+        self.is_place_sought = false;
+    }
+
+    /// Adds an object as a landmark, whose triangles stay dense. Its number is set here. Fails if the whole bake must end.
+    pub(crate) fn add_landmark(&mut self, object: SourceObject, landmark: PendingLandmark) -> Result<(), InputError> {
+        let number = self.context.builder.len();
+        self.add(object)?;
+        if self.context.builder.len() > number {
+            self.context.builder.add_landmark(PendingLandmark { object: number as u32, ..landmark });
+        }
+        Ok(())
     }
 
     /// Sets the format, of readers that tell it by the content.

@@ -1,8 +1,10 @@
-//! Groups the faces of an OBJ into objects: by its own groups, else by connected components.
+//! Groups the faces of an OBJ into objects: by its own groups, else by connected components. Reports those that are merged or have no
+//! faces.
 
 use super::parse::{ObjFace, ObjFile};
 use insula_simplify::disjoint_sets::DisjointSets;
-use std::collections::HashMap;
+use insula_source::object::ObjectSink;
+use std::collections::{HashMap, HashSet};
 
 /// Positions that round to the same millimetre are welded, because in some files each triangle has its own corners.
 const WELD_PER_M: f64 = 1000.0;
@@ -100,6 +102,29 @@ fn connected_components(file: &ObjFile, faces: &[ObjFace]) -> Vec<u32> {
         first_weld.push(first.unwrap_or(0));
     }
     first_weld.into_iter().map(|weld| sets.find(weld)).collect()
+}
+
+/// Reports the lines that begin an object which the sink does not get. Of several lines that begin an object, all but the first
+/// are merged into it. Names without any of the `usable` faces are skipped.
+pub(super) fn report_others(file: &ObjFile, usable: &[ObjFace], groups: &FaceGroups, sink: &mut dyn ObjectSink) {
+    type NameOf = fn(&ObjFace) -> u32;
+    let by_object =
+        groups.by == GroupedBy::Object || groups.by == GroupedBy::Connection && !file.object_lines.is_empty();
+    let (lines, name_of): (&[u32], NameOf) =
+        if by_object { (&file.object_lines, |face| face.object) } else { (&file.group_lines, |face| face.group) };
+    let names_of = |faces: &[ObjFace]| faces.iter().map(name_of).collect::<HashSet<u32>>();
+    let (with_usable, with_any) = (names_of(usable), names_of(&file.faces));
+    let is_named = groups.by != GroupedBy::Connection;
+    let mut seen = HashSet::new();
+    for name in lines {
+        let text = || file.names[*name as usize].clone();
+        let is_first = seen.insert(*name);
+        if !with_usable.contains(name) {
+            sink.skip(if with_any.contains(name) { "no usable face" } else { "no face" }, text());
+        } else if is_named && !is_first {
+            sink.merge("name of an earlier object", text());
+        }
+    }
 }
 
 #[cfg(test)]

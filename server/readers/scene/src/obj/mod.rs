@@ -2,19 +2,17 @@
 
 mod faces;
 mod grouping;
-mod left_out;
 mod materials;
 mod mtl;
 mod parse;
 
 use faces::shape_of;
-use grouping::{group_faces, is_terrain};
+use grouping::{group_faces, is_terrain, report_others};
 use insula_dress::polygon::MAX_CORNERS;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, SourceObject};
-use left_out::report_others;
 use materials::load_materials;
 use parse::{NONE, ObjFace, ObjFile};
 
