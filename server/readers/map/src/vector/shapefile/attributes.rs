@@ -51,7 +51,6 @@ impl<'a> AttributeReader<'a> {
         reader.read_exact(&mut header).map_err(|cause| cause.to_string())?;
         let header_bytes = usize::from(u16::from_le_bytes([header[8], header[9]]));
         let row_bytes = usize::from(u16::from_le_bytes([header[10], header[11]]));
-        let encoding = encoding_of(code_page, header[29]);
         let mut rest = Vec::new();
         let wanted = header_bytes.saturating_sub(HEADER_BYTES);
         reader.by_ref().take(wanted as u64).read_to_end(&mut rest).map_err(|cause| cause.to_string())?;
