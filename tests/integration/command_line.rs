@@ -140,8 +140,7 @@ fn snapshot(folder: &Path, place: &OsStr, out: &OsStr, more: &[&str]) -> (Option
 fn a_view_link_is_a_place_of_all_commands() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
     let folder = folder.path();
-    let mut command = Process::new(program("insula-server").unwrap());
-    let server = ServerProcess::start(&mut command, folder.join("city"), "127.0.0.1:0", &[]).unwrap();
+    let server = ServerProcess::serve(&folder.join("city"), "127.0.0.1:0").unwrap();
     let link = format!("insula://{}/v1/cities/city?{VIEW}&time=2024-06-21T12:00", server.address);
     let draw = |place: &str, out: &str, more: &[&str]| snapshot(folder, place.as_ref(), out.as_ref(), more);
     let ok = (Some(0), String::new());
@@ -252,8 +251,7 @@ fn names_that_are_not_text_work_everywhere() {
 #[cfg(target_os = "linux")]
 fn a_cache_folder_that_cannot_be_written_is_a_warning() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
-    let mut command = Process::new(program("insula-server").unwrap());
-    let server = ServerProcess::start(&mut command, folder.path().join("city"), "127.0.0.1:0", &[]).unwrap();
+    let server = ServerProcess::serve(&folder.path().join("city"), "127.0.0.1:0").unwrap();
     let mut command = Process::new(program("insula").unwrap());
     command.args(["snapshot", "--camera", "camera.json", "--size", "64x48", "--adapter", "cpu", "--out", "a.png"]);
     command.args(["--disk-cache-mib", "8", "--server", &format!("http://{}", server.address)]);
@@ -329,8 +327,7 @@ fn a_view_is_exported_with_its_camera() {
 
 fn a_city_at_an_address_is_drawn_as_its_folder_is() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
-    let mut command = Process::new(program("insula-server").unwrap());
-    let server = ServerProcess::start(&mut command, folder.path().join("city"), "127.0.0.1:0", &[]).unwrap();
+    let server = ServerProcess::serve(&folder.path().join("city"), "127.0.0.1:0").unwrap();
     let draw = |place: &str, out: &str| {
         let arguments = ["draw", place, "--axonometric", "20,30", "--out", out].map(OsStr::new);
         let (code, text) = call("insula", folder.path(), &arguments);

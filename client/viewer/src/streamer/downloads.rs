@@ -250,41 +250,15 @@ impl<F: TileFetcher> Downloads<F> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::Unresponsive;
     use super::*;
     use crate::scene::TileState;
     use crate::select::tests::{request, tree};
     use insula_protocol::TileId;
 
-    /// Answers every request with a damaged tile.
-    #[derive(Default)]
-    struct Damaging(Vec<(TileKey, u64)>);
-
-    impl TileFetcher for Damaging {
-        fn start(&mut self, key: TileKey, ticket: u64) {
-            self.0.push((key, ticket));
-        }
-
-        fn cancel(&mut self, _: TileKey) {}
-
-        fn poll(&mut self) -> Option<FetchOutcome> {
-            let (key, ticket) = self.0.pop()?;
-            Some(FetchOutcome {
-                key,
-                ticket,
-                is_local: false,
-                duration: Duration::ZERO,
-                result: Err(FetchError::Broken),
-            })
-        }
-
-        fn jitter(&mut self) -> f64 {
-            0.5
-        }
-    }
-
     #[test]
     fn damaged_tiles_are_requested_again_after_a_pause() {
-        let (mut tree, mut downloads) = (tree(), Downloads::new(Damaging::default(), 4));
+        let (mut tree, mut downloads) = (tree(), Downloads::new(Unresponsive::new(Some(FetchError::Broken)), 4));
         let wanted = [request(TileKey::block_map(TileId::ROOT.child(1).unwrap()))];
         let mut now = Duration::from_secs(100);
         let mut started = 0;

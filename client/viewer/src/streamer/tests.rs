@@ -10,9 +10,15 @@ use crate::source::FetchError;
 use insula_protocol::TileId;
 
 /// Never responds, or always with an error.
-struct Unresponsive {
-    fails: bool,
+pub(super) struct Unresponsive {
+    error: Option<FetchError>,
     started: Vec<(TileKey, u64)>,
+}
+
+impl Unresponsive {
+    pub(super) fn new(error: Option<FetchError>) -> Self {
+        Self { error, started: Vec::new() }
+    }
 }
 
 impl TileFetcher for Unresponsive {
@@ -23,8 +29,8 @@ impl TileFetcher for Unresponsive {
     fn cancel(&mut self, _: TileKey) {}
 
     fn poll(&mut self) -> Option<FetchOutcome> {
-        let (key, ticket) = self.fails.then(|| self.started.pop()).flatten()?;
-        let result = Err(FetchError::Network("connection refused".into()));
+        let result = Err(self.error.clone()?);
+        let (key, ticket) = self.started.pop()?;
         Some(FetchOutcome { key, ticket, is_local: false, duration: Duration::ZERO, result })
     }
 
@@ -39,7 +45,8 @@ const NOW: Duration = Duration::from_secs(100);
 fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
     let mut tree = tree();
     load(&mut tree, TileKey::block_map(TileId::ROOT));
-    let downloads = Downloads::new(Unresponsive { fails, started: Vec::new() }, 12);
+    let error = fails.then(|| FetchError::Network("connection refused".into()));
+    let downloads = Downloads::new(Unresponsive::new(error), 12);
     let mut streamer = Streamer::new(tree, downloads, 10_000);
     let camera = view([1030.0, -10.0, 2.0], [1030.0, 3000.0, 2.0]).camera;
     let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0, switching: None };
@@ -82,7 +89,7 @@ fn a_view_of_nothing_is_drawn_once_the_city_is_known() {
     assert_eq!(streamer.stream_status(NOW), StreamStatus::Ready);
 
     let unknown = SceneTree::new(streamer.tree().manifest().clone());
-    let downloads = Downloads::new(Unresponsive { fails: false, started: Vec::new() }, 12);
+    let downloads = Downloads::new(Unresponsive::new(None), 12);
     let mut streamer = Streamer::new(unknown, downloads, 10_000);
     streamer.select_and_request(&FrameRequest { camera: away, ..request }, NOW);
     assert!(!streamer.has_frame());
@@ -93,7 +100,7 @@ fn a_view_of_nothing_is_drawn_once_the_city_is_known() {
 fn land_beside_the_nodes_of_a_city_is_drawn_before_their_tiles_arrive() {
     let mut tree = tree_of_one_leaf();
     load(&mut tree, TileKey::block_map(TileId::ROOT));
-    let downloads = Downloads::new(Unresponsive { fails: false, started: Vec::new() }, 12);
+    let downloads = Downloads::new(Unresponsive::new(None), 12);
     let mut streamer = Streamer::new(tree, downloads, 10_000);
     // In the square of the root's child, and beside that child's.
     let camera = view([900.0, 880.0, 200.0], [900.0, 900.0, 0.0]).camera;
