@@ -19,7 +19,7 @@ mod cost;
 mod decode;
 mod encode;
 mod floats;
-mod numbers;
+pub(crate) mod numbers;
 mod rows;
 mod text_list;
 

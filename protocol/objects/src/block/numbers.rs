@@ -152,7 +152,7 @@ fn encode_differences(transform: Transform, head: &[u8], differences: &[i64]) ->
 }
 
 /// Appends the low `width` bits of each value, low bits first.
-fn pack(out: &mut Vec<u8>, values: impl Iterator<Item = u64>, width: u32) {
+pub(crate) fn pack(out: &mut Vec<u8>, values: impl Iterator<Item = u64>, width: u32) {
     let (mut held, mut held_bits) = (0u128, 0);
     for value in values {
         held |= u128::from(value) << held_bits;

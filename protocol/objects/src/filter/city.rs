@@ -154,7 +154,7 @@ fn bitmap(bytes: &[u8]) -> Option<RoaringBitmap> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ObjectBounds, ObjectRecord, SchemaBuilder, Value, block};
+    use crate::{ObjectBounds, ObjectRecord, Schema, SchemaBuilder, Value, block};
 
     /// A terrain, an old house with a part, a new house.
     fn filtered(text: &str) -> FilteredObjects {
@@ -186,6 +186,22 @@ mod tests {
         assert_eq!(filtered("year > 3000"), FilteredObjects::default());
     }
 
+    /// Checks which objects of two blocks pass filters. The second block has parts of objects of the first one.
+    fn check_two_blocks(schema: &Schema, records: [&[Option<ObjectRecord>]; 2], cases: &[(&str, &[u32])]) {
+        let [first, second] = [0, 1].map(|number: u32| {
+            let bytes = block::encode(number, records[number as usize], schema).unwrap();
+            ObjectBlock::decode(number, &bytes, schema).unwrap()
+        });
+        for (text, expected) in cases {
+            let filter = Filter::parse(text, schema).unwrap();
+            let mut builder = FilterBuilder::default();
+            [&first, &second].into_iter().for_each(|block| builder.add(block, &filter));
+            assert_eq!(builder.apart(), [[0, 1]]);
+            builder.add_apart(&first, &second, &filter);
+            assert_eq!(builder.finish().passing.iter().collect::<Vec<_>>(), *expected, "{text}");
+        }
+    }
+
     #[test]
     fn parts_have_the_values_of_their_parents_in_any_block() {
         let mut schema = SchemaBuilder::default();
@@ -198,23 +214,16 @@ mod tests {
         // Object 0 is a house without a shape; its parts are object 1, and object 512 of the next block.
         let house = record(None, None, vec![(0, Value::Integer(1650))]);
         let part = || record(Some(0), high, Vec::new());
-        let decoded = |number: u32, records: &[Option<ObjectRecord>]| {
-            ObjectBlock::decode(number, &block::encode(number, records, &schema).unwrap(), &schema).unwrap()
-        };
-        let blocks = [decoded(0, &[house, part()]), decoded(1, &[part(), record(None, high, Vec::new())])];
-        for (text, expected) in [
-            ("year < 1900 && height > 20", &[0, 1, 512][..]),
-            ("!(year < 1900)", &[513]),
-            ("year == null", &[513]),
-            ("year < 1900", &[0, 1, 512]),
-        ] {
-            let filter = Filter::parse(text, &schema).unwrap();
-            let mut builder = FilterBuilder::default();
-            blocks.iter().for_each(|block| builder.add(block, &filter));
-            assert_eq!(builder.apart(), [[0, 1]]);
-            builder.add_apart(&blocks[0], &blocks[1], &filter);
-            assert_eq!(builder.finish().passing.iter().collect::<Vec<_>>(), expected, "{text}");
-        }
+        check_two_blocks(
+            &schema,
+            [&[house, part()], &[part(), record(None, high, Vec::new())]],
+            &[
+                ("year < 1900 && height > 20", &[0, 1, 512]),
+                ("!(year < 1900)", &[513]),
+                ("year == null", &[513]),
+                ("year < 1900", &[0, 1, 512]),
+            ],
+        );
     }
 
     #[test]
@@ -231,40 +240,28 @@ mod tests {
             record(FeatureKind::BuildingPart, Some(parent), bounds, vec![(1, Value::Float(roof))])
         };
         let house = |year| record(FeatureKind::Building, None, None, vec![(0, Value::Integer(year))]);
-        let decoded = |number: u32, records: &[Option<ObjectRecord>]| {
-            ObjectBlock::decode(number, &block::encode(number, records, &schema).unwrap(), &schema).unwrap()
-        };
         // House 0 has a low part beside it, and the upper floors, object 512, in the next block. House 2 has one part; 4 is a group
         // of houses, which are no parts of it.
-        let blocks = [
-            decoded(
-                0,
-                &[
-                    house(1990),
-                    part(0, boxed(0, 60), 6.0),
-                    house(1960),
-                    part(2, boxed(0, 90), 9.0),
-                    record(FeatureKind::Generic, None, None, Vec::new()),
-                    record(FeatureKind::Building, Some(4), boxed(0, 300), vec![(1, Value::Float(30.0))]),
-                ],
-            ),
-            decoded(1, &[part(0, boxed(60, 220), 22.0)]),
+        let first = [
+            house(1990),
+            part(0, boxed(0, 60), 6.0),
+            house(1960),
+            part(2, boxed(0, 90), 9.0),
+            record(FeatureKind::Generic, None, None, Vec::new()),
+            record(FeatureKind::Building, Some(4), boxed(0, 300), vec![(1, Value::Float(30.0))]),
         ];
-        for (text, expected) in [
-            ("height > 20 && year > 1950", &[0, 1, 512][..]),
-            ("height > 8 && year > 1950", &[0, 1, 2, 3, 512]),
-            ("roof > 20", &[0, 1, 5, 512]),
-            ("roof > 20 && year > 1950", &[0, 1, 512]),
-            ("kind == \"building\" && roof == null", &[]),
-            ("kind == \"generic\" && roof == null", &[4, 5]),
-        ] {
-            let filter = Filter::parse(text, &schema).unwrap();
-            let mut builder = FilterBuilder::default();
-            blocks.iter().for_each(|block| builder.add(block, &filter));
-            assert_eq!(builder.apart(), [[0, 1]]);
-            builder.add_apart(&blocks[0], &blocks[1], &filter);
-            assert_eq!(builder.finish().passing.iter().collect::<Vec<_>>(), expected, "{text}");
-        }
+        check_two_blocks(
+            &schema,
+            [&first, &[part(0, boxed(60, 220), 22.0)]],
+            &[
+                ("height > 20 && year > 1950", &[0, 1, 512]),
+                ("height > 8 && year > 1950", &[0, 1, 2, 3, 512]),
+                ("roof > 20", &[0, 1, 5, 512]),
+                ("roof > 20 && year > 1950", &[0, 1, 512]),
+                ("kind == \"building\" && roof == null", &[]),
+                ("kind == \"generic\" && roof == null", &[4, 5]),
+            ],
+        );
     }
 
     #[test]

@@ -19,6 +19,7 @@
 
 use super::table::BLOCK;
 use super::{MAX_ENTRIES, SearchError, SearchWriteError};
+use crate::block::numbers::pack;
 use insula_protocol::codec::{checksum, extend_checksum};
 use std::io::{self, Read, Write};
 use std::ops::Range;
@@ -121,19 +122,8 @@ fn write_packed(out: &mut impl Write, numbers: &mut dyn Read, count: u32, bits: 
     while left > 0 {
         let mut batch = vec![0; 4 * left.min(BATCH)];
         numbers.read_exact(&mut batch)?;
-        let (mut pending, mut filled) = (0u64, 0);
-        for number in batch.as_chunks::<4>().0 {
-            pending |= u64::from(u32::from_le_bytes(*number)) << filled;
-            filled += bits;
-            while filled >= 8 {
-                packed.push(pending as u8);
-                pending >>= 8;
-                filled -= 8;
-            }
-        }
-        if filled > 0 {
-            packed.push(pending as u8);
-        }
+        let values = batch.as_chunks::<4>().0.iter().map(|number| u64::from(u32::from_le_bytes(*number)));
+        pack(&mut packed, values, bits);
         out.write_all(&packed)?;
         packed.clear();
         left -= batch.len() / 4;
