@@ -95,13 +95,8 @@ fn check_retry_after(status: u16) {
 }
 
 #[test]
-fn retry_after_is_obeyed_for_429() {
-    check_retry_after(429);
-}
-
-#[test]
-fn retry_after_is_obeyed_for_503() {
-    check_retry_after(503);
+fn retry_after_is_obeyed() {
+    [429, 503].into_iter().for_each(check_retry_after);
 }
 
 #[test]

@@ -89,23 +89,15 @@ pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
     let shared = read_manifest(folder).map(|manifest| manifest.shared().to_vec()).unwrap_or_default();
     let archive_hash = |kind: TileKind| archive_hash(folder, &shared, kind);
     let mut hashes = Vec::new();
+    let mut add = |hash: io::Result<[u8; blake3::OUT_LEN]>, is_required: bool| match hash {
+        Err(error) if !is_required && error.kind() == io::ErrorKind::NotFound => Ok(()),
+        hash => hash.map(|hash| hashes.push(hash)),
+    };
     for kind in [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects] {
-        match archive_hash(kind) {
-            Ok(hash) => hashes.push(hash),
-            Err(error) if !kind.is_required() && error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(error),
-        }
+        add(archive_hash(kind), kind.is_required())?;
     }
-    match open_regular(&folder.join(SEARCH_FILE)) {
-        Ok(mut file) => hashes.push(hash_rest(&mut file)?),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-        Err(error) => return Err(error),
-    }
-    match archive_hash(TileKind::Visibility) {
-        Ok(hash) => hashes.push(hash),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-        Err(error) => return Err(error),
-    }
+    add(open_regular(&folder.join(SEARCH_FILE)).and_then(|mut file| hash_rest(&mut file)), false)?;
+    add(archive_hash(TileKind::Visibility), false)?;
     let mut text = String::new();
     open_regular(&folder.join(MANIFEST_FILE))?.take(MAX_MANIFEST_BYTES as u64).read_to_string(&mut text)?;
     // The text itself rather than the parsed manifest: numbers need not survive being parsed and written.
