@@ -2,13 +2,13 @@
 //! drawings of a server beside those of the command.
 
 use anyhow::{Context, Result, ensure};
+use insula_test_support::http;
 use insula_test_support::programs::{ServerProcess, call, program};
 use insula_tests::tests;
 use insula_tests::trials::Trials;
 use serde_json::json;
 use std::fs;
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::process::Command;
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -144,14 +144,11 @@ fn translucent_things_are_painted_from_the_farthest_to_the_nearest() -> Result<(
 
 /// What a server answers to a body of JSON.
 fn posted(address: SocketAddr, path: &str, body: &str) -> Result<Vec<u8>> {
-    let mut stream = TcpStream::connect(address)?;
     let length = body.len();
-    write!(
-        stream,
-        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}"
-    )?;
-    let mut response = Vec::new();
-    stream.read_to_end(&mut response)?;
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {length}"
+    );
+    let mut response = http::exchange(address, format!("{head}\r\n\r\n{body}").as_bytes())?;
     let end = response.windows(4).position(|bytes| bytes == b"\r\n\r\n").context("no head")?;
     let content = response.split_off(end + 4);
     let is_made = response.starts_with(b"HTTP/1.1 200 ");

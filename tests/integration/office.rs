@@ -2,14 +2,13 @@
 //! that is the place, areas in degrees, and plans in metres of the city.
 
 use anyhow::{Context, Result, ensure};
+use insula_test_support::http;
 use insula_test_support::programs::{ServerProcess, call, program, run};
 use insula_tests::tests;
 use insula_tests::trials::Trials;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{Read, Write};
-use std::net::TcpStream;
 use std::path::Path;
 use std::process::Command;
 
@@ -118,10 +117,8 @@ fn buildings_have_one_number_and_plans_lie_in_the_city() -> Result<()> {
 /// The list of the server has the same number.
 fn listed(folder: &Path, counted: &str) -> Result<()> {
     let server = ServerProcess::serve(&folder.join("東京"), "127.0.0.1:0")?;
-    let mut stream = TcpStream::connect(server.address)?;
-    write!(stream, "GET / HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")?;
-    let mut page = String::new();
-    stream.read_to_string(&mut page)?;
+    let request = b"GET / HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
+    let page = String::from_utf8(http::exchange(server.address, request)?)?;
     ensure!(page.contains(counted), "{page}");
     Ok(())
 }

@@ -3,10 +3,10 @@
 use super::client::{Connection, request_during, tile_paths};
 use super::server::{self, ANY_PORT, metric};
 use insula_test_support::programs::{ServerProcess, find_installed, path_text, program, wait_until};
-use insula_test_support::{small_city, tier};
+use insula_test_support::{http, small_city, tier};
 use insula_tests::ports;
 use std::fs;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::Command;
@@ -85,10 +85,8 @@ pub(super) fn libfaketime() -> Option<PathBuf> {
 
 /// The year of a response's date.
 fn year(address: SocketAddr) -> u32 {
-    let mut stream = TcpStream::connect(address).unwrap();
-    stream.write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
-    let mut response = String::new();
-    stream.read_to_string(&mut response).unwrap();
+    let request = b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+    let response = String::from_utf8(http::exchange(address, request).unwrap()).unwrap();
     let date = response.lines().find_map(|line| line.to_ascii_lowercase().strip_prefix("date:").map(str::to_owned));
     date.unwrap().split_whitespace().nth(3).unwrap().parse().unwrap()
 }

@@ -1,10 +1,10 @@
 //! An S3 bucket of cities, by moto (`pip install 'moto[server]'`). With `INSULA_TEST_STORE=s3`, tests that start a server
 //! serve the city from there.
 
+use crate::http;
 use anyhow::{Context, Result, ensure};
 use std::fs;
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
@@ -79,16 +79,12 @@ impl Moto {
 
     /// Moto does not check signatures.
     fn put(&self, path: &str, bytes: &[u8]) -> Result<()> {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port))?;
-        write!(
-            stream,
-            "PUT /{path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
-            self.port,
-            bytes.len()
-        )?;
-        stream.write_all(bytes)?;
-        let mut response = String::new();
-        stream.read_to_string(&mut response)?;
+        let (port, length) = (self.port, bytes.len());
+        let head = format!(
+            "PUT /{path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
+        );
+        let response = http::exchange(([127, 0, 0, 1], port).into(), &[head.as_bytes(), bytes].concat())?;
+        let response = String::from_utf8_lossy(&response);
         ensure!(response.starts_with("HTTP/1.1 200"), "{path}: {response}");
         Ok(())
     }

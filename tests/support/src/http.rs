@@ -1,6 +1,6 @@
 //! HTTP servers that respond as a test wants, with a thread for each connection.
 
-use std::io::{BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 
@@ -39,6 +39,15 @@ pub fn serve(respond: impl Fn(&Request, &mut TcpStream) -> Option<()> + Send + S
         }
     });
     address
+}
+
+/// The whole response to a request after which the server closes the connection.
+pub fn exchange(address: SocketAddr, request: &[u8]) -> io::Result<Vec<u8>> {
+    let mut stream = TcpStream::connect(address)?;
+    stream.write_all(request)?;
+    let mut response = Vec::new();
+    stream.read_to_end(&mut response)?;
+    Ok(response)
 }
 
 /// The lines of a request's head; `None` if the connection ends.
