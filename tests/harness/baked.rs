@@ -26,9 +26,7 @@ pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
         up: unit(axes.up),
         fov_y_rad: camera.fov_y_deg.to_radians(),
     };
-    let (width_px, height_px) = (spec.width_px, spec.height_px);
-    View { camera: client, width_px, height_px, tau_px: 1.0, switching: None, budget_pages: 0, budget_nodes: 0 }
-        .planes()
+    View::of(client, [spec.width_px, spec.height_px]).planes()
 }
 
 pub struct Baked {

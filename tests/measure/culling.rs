@@ -55,9 +55,7 @@ fn main() -> Result<()> {
     let request = FrameRequest { camera, heading: None, size_px, tau_px: args.tau, switching: None };
     let mut session = open(&args.city, CACHE_MIB)?;
     fetch_all(&mut session, &request, TIMEOUT)?;
-    let [width_px, height_px] = size_px;
-    let view =
-        View { camera, width_px, height_px, tau_px: args.tau, switching: None, budget_pages: 1, budget_nodes: 1 };
+    let view = View { tau_px: args.tau, ..View::of(camera, size_px) };
     compare_frustum_tests(&session, &view.planes());
     compare_trees(&session, &view.planes());
     compare_occlusion(&mut session, &request, &view)

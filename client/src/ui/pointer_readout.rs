@@ -90,7 +90,7 @@ mod tests {
 
     fn view() -> View {
         let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, DVec3::Y, 1.0).unwrap();
-        View { camera, width_px: 800, height_px: 400, tau_px: 1.0, switching: None, budget_pages: 1, budget_nodes: 1 }
+        View::of(camera, [800, 400])
     }
 
     #[test]

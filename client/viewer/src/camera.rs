@@ -110,6 +110,11 @@ pub struct View {
 }
 
 impl View {
+    /// A view of which only the geometry counts: nothing may be drawn for it.
+    pub fn of(camera: Camera, [width_px, height_px]: [u32; 2]) -> Self {
+        Self { camera, width_px, height_px, tau_px: 1.0, switching: None, budget_pages: 0, budget_nodes: 0 }
+    }
+
     /// Pixels that a metre covers at a distance of one metre: `height_px / (2 tan(fov_y / 2))`.
     pub fn focal_px(&self) -> f64 {
         f64::from(self.height_px) / (2.0 * (self.camera.fov_y_rad * 0.5).tan())
@@ -294,15 +299,7 @@ mod tests {
     #[test]
     fn planes_bound_the_frame() {
         let camera = Camera::look_at(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
-        let view = View {
-            camera,
-            width_px: 200,
-            height_px: 100,
-            tau_px: 1.0,
-            switching: None,
-            budget_pages: 1,
-            budget_nodes: 1,
-        };
+        let view = View::of(camera, [200, 100]);
         let is_inside = |p: DVec3| view.planes().iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
         let edge = (0.5f64).tan() * 10.0;
         let at = |x: f64, z: f64| camera.position + camera.forward * 10.0 + camera.right * x + camera.up * z;

@@ -51,15 +51,7 @@ mod tests {
     #[test]
     fn projection_is_the_inverse_of_the_ray_direction() {
         let camera = Camera::look_at(DVec3::new(5.0, 6.0, 70.0), DVec3::new(50.0, 90.0, 3.0), DVec3::Z, 1.0).unwrap();
-        let view = View {
-            camera,
-            width_px: 800,
-            height_px: 400,
-            tau_px: 1.0,
-            switching: None,
-            budget_pages: 1,
-            budget_nodes: 1,
-        };
+        let view = View::of(camera, [800, 400]);
         for [x, y] in [[0.5, 0.5], [0.1, 0.9], [0.99, 0.01]] {
             let point = camera.position + ray_direction(&view, x, y) * 123.0;
             let at = project(&view, point).unwrap();

@@ -60,8 +60,7 @@ impl TrialCity {
         let side_m = NODE_CELLS as f64;
         let eye = DVec3::new(20.0, 14.0, 45.0);
         let camera = Camera::from_angles(eye, 0.7, -0.15, 60f64.to_radians());
-        let [width_px, height_px] = size_px;
-        let view = View { camera, width_px, height_px, tau_px: 1.0, switching: None, budget_pages: 0, budget_nodes: 0 };
+        let view = View::of(camera, size_px);
         let settings = RenderSettings { samples: MOVING_SAMPLES, ..RenderSettings::default() };
         let mut frame = frame_uniform(&view, &settings, 0.0, &[Stone::NONE; MAX_STONES]);
         let places = (0..NODES_PER_SIDE * NODES_PER_SIDE).map(|i| [i % NODES_PER_SIDE, i / NODES_PER_SIDE]);

@@ -29,7 +29,7 @@ mod tests {
 
     fn planes(position: [f64; 3], target: [f64; 3]) -> [FrustumPlane; 5] {
         let camera = Camera::look_at(position.into(), target.into(), DVec3::Z, 1.0).unwrap();
-        View { camera, width_px: 320, height_px: 180, tau_px: 1.0, switching: None, budget_pages: 1, budget_nodes: 1 }
+        View::of(camera, [320, 180])
             .planes()
     }
 

@@ -88,15 +88,7 @@ pub(crate) fn tree_of_one_leaf() -> SceneTree {
 pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let (position, target) = (DVec3::from(position) + ORIGIN, DVec3::from(target) + ORIGIN);
     let camera = Camera::look_at(position, target, DVec3::Z, 1.0).unwrap();
-    View {
-        camera,
-        width_px: 640,
-        height_px: 360,
-        tau_px: 1.0,
-        switching: None,
-        budget_pages: 1_000_000,
-        budget_nodes: 100_000,
-    }
+    View { budget_pages: 1_000_000, budget_nodes: 100_000, ..View::of(camera, [640, 360]) }
 }
 
 /// A view to the north from the middle of the city, 20 m above the ground.
