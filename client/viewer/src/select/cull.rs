@@ -29,8 +29,7 @@ mod tests {
 
     fn planes(position: [f64; 3], target: [f64; 3]) -> [FrustumPlane; 5] {
         let camera = Camera::look_at(position.into(), target.into(), DVec3::Z, 1.0).unwrap();
-        View::of(camera, [320, 180])
-            .planes()
+        View::of(camera, [320, 180]).planes()
     }
 
     #[test]
