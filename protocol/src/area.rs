@@ -4,13 +4,11 @@
 const MAX_M: f64 = 1e9;
 
 /// Whether these are the sides of a rectangle in degrees.
-#[must_use]
 pub fn is_in_degrees([west, south, east, north]: [f64; 4]) -> bool {
     west < east && south < north && west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0
 }
 
 /// Whether these are the sides of a rectangle in metres of a city's coordinate system.
-#[must_use]
 pub fn is_in_metres([west, south, east, north]: [f64; 4]) -> bool {
     west < east && south < north && [west, south, east, north].iter().all(|side| side.abs() <= MAX_M)
 }

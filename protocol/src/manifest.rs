@@ -138,7 +138,6 @@ pub struct CityCounts {
 impl CityCounts {
     /// The size of the city in words: `1116 buildings`, or `3 objects` of a city without buildings. All programs and pages say it in
     /// these words, so that a city has one number.
-    #[must_use]
     pub fn words(&self) -> String {
         match self.buildings {
             Some(buildings) if buildings > 0 => count(buildings, "building"),

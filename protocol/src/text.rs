@@ -114,14 +114,12 @@ fn is_unsafe(c: char) -> bool {
 }
 
 /// The number, with zero instead of minus zero: nobody reads `-0`.
-#[must_use]
 pub fn without_sign_of_zero(number: f64) -> f64 {
     // Minus zero and zero are zero.
     number + 0.0
 }
 
 /// The number with so many decimals. What rounds to zero has no sign.
-#[must_use]
 pub fn fixed(number: f64, decimals: usize) -> String {
     let text = format!("{number:.decimals$}");
     match text.strip_prefix('-') {
@@ -131,7 +129,6 @@ pub fn fixed(number: f64, decimals: usize) -> String {
 }
 
 /// The number with at most so many decimals, without zeros at its end.
-#[must_use]
 pub fn at_most(number: f64, decimals: usize) -> String {
     let text = fixed(number, decimals);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }

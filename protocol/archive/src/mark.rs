@@ -14,7 +14,6 @@ const LONGITUDES: u32 = 3_600_000_001;
 const LATITUDES: u32 = 1_800_000_001;
 
 /// The mark of a version of a city.
-#[must_use]
 pub fn mark_of(version: &str) -> [u8; 8] {
     // FNV-1a. A version is a hash already.
     let hash = version

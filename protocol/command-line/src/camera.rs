@@ -145,7 +145,6 @@ const FAR_M: f64 = 10_000.0;
 
 /// Says that the first two numbers of a camera file or of a link are degrees, in either order, where metres are meant; `None` if they are
 /// not.
-#[must_use]
 pub fn degrees_fault(manifest: &Manifest, [x, y]: [f64; 2]) -> Option<String> {
     let [low, high] = manifest.bounds;
     let is_far = (0..2).any(|k| !(low[k] - FAR_M..=high[k] + FAR_M).contains(&[x, y][k]));
@@ -163,7 +162,6 @@ pub fn degrees_fault(manifest: &Manifest, [x, y]: [f64; 2]) -> Option<String> {
 }
 
 /// Says that a camera is inside of a building or below the ground, and whether it stays there or is lifted by so many metres.
-#[must_use]
 pub fn inside_note(is_kept: bool, up_m: f64) -> String {
     let inside = "the camera is inside of a building or below the ground";
     if is_kept { inside.to_owned() } else { format!("{inside}: lifted by {up_m:.1} m; --keep-camera keeps it") }

@@ -116,7 +116,6 @@ impl FileKind {
     }
 
     /// Whether a file is of this kind. A file without content is of any kind.
-    #[must_use]
     pub fn is_of(self, path: &Path) -> bool {
         let Ok(mut file) = open_regular(path) else { return false };
         let length = file.metadata().map_or(0, |found| found.len());

@@ -46,7 +46,6 @@ pub struct TextUse {
 
 impl TextUse {
     /// The use by an attribute's name. Lists (`name.1`) count as their members.
-    #[must_use]
     pub fn of_name(name: &str) -> Self {
         let lower = name.to_lowercase();
         let trimmed = lower.trim_end_matches(|letter: char| letter.is_ascii_digit());

@@ -37,7 +37,6 @@ impl PartValues {
     }
 
     /// That of an attribute.
-    #[must_use]
     pub fn get(&self, attribute: u32) -> Option<&Value> {
         self.0.get(&attribute)
     }

@@ -38,27 +38,23 @@ impl FeatureKind {
     ];
 
     /// The name on the command line and in reports.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, kind)| *kind == self).map_or("generic", |(name, _)| name)
     }
 
     /// Whether an object of this kind whose parent is of the kind `parent` is a part of it, and not a thing of its own: buildings,
     /// bridges and tunnels have parts.
-    #[must_use]
     pub fn is_part_of(self, parent: Self) -> bool {
         let whole = |kind| if kind == Self::BuildingPart { Self::Building } else { kind };
         whole(self) == whole(parent) && (self.is_of_building() || matches!(self, Self::Bridge | Self::Tunnel))
     }
 
     /// Whether it is a building or a part of one.
-    #[must_use]
     pub fn is_of_building(self) -> bool {
         matches!(self, Self::Building | Self::BuildingPart)
     }
 
     /// Whether it lies on the ground. The box of such an object is as high as the ground rises below it, which is no height of its own.
-    #[must_use]
     pub fn is_level(self) -> bool {
         matches!(self, Self::Road | Self::Rail | Self::Water | Self::LandUse | Self::Relief)
     }

@@ -33,7 +33,6 @@ pub enum ValueType {
 
 impl ValueType {
     /// Whether values are integers or floats.
-    #[must_use]
     pub fn is_number(self) -> bool {
         matches!(self, Self::Integer | Self::Float)
     }
@@ -53,13 +52,11 @@ impl fmt::Display for ValueType {
 
 impl Value {
     /// The type of the value.
-    #[must_use]
     pub fn type_of(&self) -> ValueType {
         self.borrowed().type_of()
     }
 
     /// The value as a number: a date as its day number, `true` as 1. `None` for texts. Integers beyond 2^53 are rounded.
-    #[must_use]
     pub fn as_f64(&self) -> Option<f64> {
         self.borrowed().as_f64()
     }
@@ -159,7 +156,6 @@ const EPOCH_DAYS: i64 = 719_468;
 
 /// Days since 1970-01-01 of a date of the proleptic Gregorian calendar. `None` if the month or the day does not exist, or the
 /// number does not fit.
-#[must_use]
 pub fn days_from_civil(year: i32, month: u8, day: u8) -> Option<i32> {
     if !(1..=12).contains(&month) || day == 0 || day > days_of_month(year, month) {
         return None;
@@ -174,7 +170,6 @@ pub fn days_from_civil(year: i32, month: u8, day: u8) -> Option<i32> {
 }
 
 /// Year, month (1 to 12) and day (1 to 31) of a day number. The inverse of [`days_from_civil`].
-#[must_use]
 pub fn civil_from_days(days: i32) -> (i32, u8, u8) {
     let days = i64::from(days) + EPOCH_DAYS;
     let (era, day_of_era) = (days.div_euclid(ERA_DAYS), days.rem_euclid(ERA_DAYS));

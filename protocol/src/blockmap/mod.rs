@@ -121,7 +121,6 @@ pub struct ColumnClip {
 
 impl ColumnClip {
     /// Whether the middle of the cell is on the inner side.
-    #[must_use]
     pub fn fills_middle(&self) -> bool {
         let is_inside = self.offset >= 0;
         match self.corner {

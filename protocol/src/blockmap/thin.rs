@@ -17,7 +17,6 @@ pub struct ThinShare {
 
 impl ThinShare {
     /// From shares between 0 and 1.
-    #[must_use]
     pub fn new(side: f32, top: f32) -> Self {
         // The cast saturates.
         let code = |share: f32| ((1.0 + share * 65536.0).sqrt() - 1.0).round() as u8;
@@ -25,7 +24,6 @@ impl ThinShare {
     }
 
     /// The shares of sides and top, between 0 and 1.
-    #[must_use]
     pub fn shares(self) -> [f32; 2] {
         [self.side, self.top].map(|code| f32::from(code) * (f32::from(code) + 2.0) / 65536.0)
     }

@@ -50,7 +50,6 @@ impl VoxelFace {
     pub const ALL: [Self; 6] = [Self::West, Self::East, Self::South, Self::North, Self::Below, Self::Above];
 
     /// Steps to the voxel beyond it: east, north, up.
-    #[must_use]
     pub const fn step(self) -> [i32; 3] {
         match self {
             Self::West => [-1, 0, 0],
@@ -68,7 +67,6 @@ impl Voxels {
     ///
     /// A voxel is full if its middle is in a solid of its column and its row of the wall strip is not open. A solid with no
     /// middle in it has the voxel of its own middle. What does not hang is solid to below the node's base.
-    #[must_use]
     pub fn of(map: BlockMap) -> Self {
         let z_shift = map.z_shift;
         let ground = map.ground.clone();
@@ -89,13 +87,11 @@ impl Voxels {
     }
 
     /// Rows up to the highest full voxel.
-    #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// Whether the voxel at `x` (east), `y` (north) and `row` (up) is full. Beyond the node, none is.
-    #[must_use]
     pub fn is_full(&self, at: [i32; 3]) -> bool {
         self.run_at(at).is_some()
     }
@@ -111,7 +107,6 @@ impl Voxels {
     }
 
     /// What a face of a voxel shows; `None` if the voxel is empty, or nothing empty is beyond the face.
-    #[must_use]
     pub fn face(&self, at: [usize; 3], face: VoxelFace) -> Option<Texel> {
         let [x, y, row] = at.map(|n| n as i32);
         let [dx, dy, dz] = face.step();

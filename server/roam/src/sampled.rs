@@ -57,7 +57,6 @@ impl SampleGrid {
     }
 
     /// The place of a sample on the map.
-    #[must_use]
     pub fn at(&self, place: Place) -> DVec2 {
         self.origin + DVec2::new(f64::from(place[0]), f64::from(place[1])) * self.step
     }
@@ -91,7 +90,6 @@ pub struct ViewMesh {
 impl SampledTerrain {
     /// Samples terrain. Of several faces above each other, the highest counts. `None` if the grid has more than 4 million samples,
     /// or sides that are no multiple of [`ROOT_STEPS`].
-    #[must_use]
     pub fn new(grid: SampleGrid, faces: &[TerrainFace<'_>]) -> Option<Self> {
         let count = grid.count()?;
         let mut terrain = Self { grid, heights_m: vec![f32::NAN; count], faces: vec![0; count] };
@@ -142,20 +140,17 @@ impl SampledTerrain {
     }
 
     /// Whether there is terrain at a sample; false outside of the grid.
-    #[must_use]
     pub fn has(&self, place: Place) -> bool {
         (0..2).all(|k| place[k] < self.grid.size[k]) && self.heights_m[self.grid.index(place)].is_finite()
     }
 
     /// Whether there is terrain at all samples.
-    #[must_use]
     pub fn is_complete(&self) -> bool {
         self.heights_m.iter().all(|height| height.is_finite())
     }
 
     /// A mesh that is within `max_error` of the samples in a view, unless it would have more than `max_triangles`. `None` if the samples
     /// are themselves further than `max_error` from one in a thousand of the corners of `faces`.
-    #[must_use]
     pub fn for_view(
         &self,
         faces: &[TerrainFace<'_>],
@@ -187,7 +182,6 @@ impl SampledTerrain {
     }
 
     /// Height of the grid, between samples by bilinear interpolation over those that have terrain; `NaN` where none has.
-    #[must_use]
     pub fn height(&self, point: DVec2) -> f64 {
         let at = (point - self.grid.origin) / self.grid.step;
         let cell = |v: f64, axis: usize| v.floor().clamp(0.0, f64::from(self.grid.size[axis] - 2));

@@ -171,7 +171,6 @@ fn corners_of(mesh: &Mesh) -> Option<Vec<[[u32; 3]; 3]>> {
 
 /// Numbers of a mesh's triangles in the order in which they are packed. Of several in one place, ray-casters show the first one.
 /// `None` if a corner has no position, or one that is too large.
-#[must_use]
 pub fn packed_order(mesh: &Mesh) -> Option<Vec<u32>> {
     corners_of(mesh).map(|corners| Bvh::of(&corners).order)
 }

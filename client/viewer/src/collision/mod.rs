@@ -191,7 +191,6 @@ fn free_height(mut solids: Vec<SolidInterval>, mut z: f64) -> f64 {
 
 /// Height of an eye at height `z` that is lifted out of the solids at its place, which are world heights, or out of the Earth; `None`
 /// if it is outside.
-#[must_use]
 pub fn lifted_eye_z(manifest: &Manifest, solids: Vec<SolidInterval>, z: f64) -> Option<f64> {
     // Below all that stands there is the Earth, and not the outside.
     let is_below = z < manifest.bounds[0][2].min(manifest.ground_z_m);

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 const MAX_ENTRIES: usize = 10_000;
 
 /// The first city by name in a folder, for messages; `None` if it has none, or cannot be read.
-#[must_use]
 pub fn first_city_in(folder: &Path) -> Option<PathBuf> {
     let entries = fs::read_dir(folder).ok()?.take(MAX_ENTRIES);
     entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.join(MANIFEST_FILE).is_file()).min()

@@ -29,7 +29,6 @@ impl ArchiveDigest {
     }
 
     /// The hash. `head` and `tail` are the bytes before and after those of the tiles, without a mark ([`crate::mark`]).
-    #[must_use]
     pub fn finish(self, head: &[u8], tail: &[u8]) -> [u8; blake3::OUT_LEN] {
         let mut hasher = self.begin_end();
         for part in [head, tail] {
@@ -67,7 +66,6 @@ impl ArchiveDigest {
 }
 
 /// The version of a city whose files have these hashes, in their order, and whose manifest has this text with an empty version.
-#[must_use]
 pub fn version_of(hashes: &[[u8; blake3::OUT_LEN]], manifest: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();
     for hash in hashes {

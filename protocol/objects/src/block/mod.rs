@@ -63,7 +63,6 @@ pub struct ObjectBounds {
 
 impl ObjectBounds {
     /// Upper minus lower end in metres.
-    #[must_use]
     pub fn height_m(&self) -> f64 {
         let [.., min] = self.min;
         let [.., max] = self.max;
@@ -95,13 +94,11 @@ pub struct ObjectBlock {
 
 impl ObjectBlock {
     /// The ids of the block's objects, ascending.
-    #[must_use]
     pub fn ids(&self) -> &[u32] {
         &self.ids
     }
 
     /// All that is stored of an object. `None` if the block does not have it.
-    #[must_use]
     pub fn record(&self, id: u32) -> Option<ObjectRecord> {
         let row = self.row(id)?;
         let value = |column: &AttributeColumn| Some((column.attribute, column.value(row)?.to_value()));
@@ -115,31 +112,26 @@ impl ObjectBlock {
     }
 
     /// The object's identifier in the source.
-    #[must_use]
     pub fn identifier(&self, id: u32) -> Option<&str> {
         self.identifiers.get(self.row(id)?)
     }
 
     /// The kind of an object; `None` if the block has no such object.
-    #[must_use]
     pub fn kind(&self, id: u32) -> Option<FeatureKind> {
         self.kinds.get(self.row(id)?).copied()
     }
 
     /// The id of the object that the object is a part of.
-    #[must_use]
     pub fn parent(&self, id: u32) -> Option<u32> {
         self.parents.get(self.row(id)?).copied().flatten()
     }
 
     /// The box of an object; `None` if the block has no such object, or if the object has no shape.
-    #[must_use]
     pub fn bounds(&self, id: u32) -> Option<ObjectBounds> {
         self.bounds.get(self.row(id)?).copied().flatten()
     }
 
     /// The value of attribute `attribute` of the schema. `None` if the object does not have it.
-    #[must_use]
     pub fn value(&self, id: u32, attribute: u32) -> Option<Value> {
         self.value_ref(self.row(id)?, attribute).map(ValueRef::to_value)
     }

@@ -19,7 +19,6 @@ pub fn sampled_blocks(count: u32) -> impl Iterator<Item = u32> {
 
 impl ColorBy {
     /// Whether the colours are a gradient of heights: see [`Self::over_heights`].
-    #[must_use]
     pub fn is_of_heights(&self) -> bool {
         self.source == Source::Height && self.range().is_some()
     }

@@ -196,7 +196,6 @@ impl ColorBy {
     }
 
     /// The values of the gradient's ends. `None` for classes.
-    #[must_use]
     pub fn range(&self) -> Option<[f64; 2]> {
         match &self.scale {
             Scale::Range { range, .. } => Some(*range),
@@ -205,7 +204,6 @@ impl ColorBy {
     }
 
     /// Index of the attribute in the schema. `None` for fields that every object has.
-    #[must_use]
     pub fn attribute(&self) -> Option<u32> {
         match self.source {
             Source::Attribute(attribute) => Some(attribute),
@@ -214,19 +212,16 @@ impl ColorBy {
     }
 
     /// The value of an object of the block by which it is coloured.
-    #[must_use]
     pub fn value(&self, block: &ObjectBlock, id: u32) -> Option<Value> {
         self.source.value(block, id, block.row(id)?).map(ValueRef::to_value)
     }
 
     /// The colour of a value, in sRGB and opaque.
-    #[must_use]
     pub fn rgba(&self, value: Option<&Value>) -> [u8; 4] {
         self.rgba_of(value.map(Value::borrowed))
     }
 
     /// The colour of an object of the block.
-    #[must_use]
     pub fn object_rgba(&self, block: &ObjectBlock, id: u32) -> [u8; 4] {
         self.rgba_of(block.row(id).and_then(|row| self.source.value(block, id, row)))
     }
@@ -254,7 +249,6 @@ impl ColorBy {
     }
 
     /// What the colours mean.
-    #[must_use]
     pub fn legend(&self) -> Legend {
         let entry = |rgb: [u8; 3], label: &str| LegendEntry { rgb, label: label.to_owned() };
         let (mut entries, ramp): (Vec<LegendEntry>, _) = match &self.scale {

@@ -58,7 +58,6 @@ impl FilterBuilder {
 
     /// Pairs of blocks of which the first has parents of objects in the second, after all blocks were added. They are few: a parent
     /// mostly stands next to its parts.
-    #[must_use]
     pub fn apart(&self) -> Vec<[u32; 2]> {
         self.apart.iter().copied().collect()
     }
@@ -98,7 +97,6 @@ impl FilterBuilder {
     }
 
     /// The result for all blocks that were added.
-    #[must_use]
     pub fn finish(self) -> FilteredObjects {
         let of_parents = self.parts.iter().filter(|[_, parent]| self.passing.contains(*parent)).map(|[part, _]| *part);
         let parts: RoaringBitmap = of_parents.collect();
@@ -120,7 +118,6 @@ impl FilterBuilder {
 
 impl FilteredObjects {
     /// The bytes for a client: the length of the first bitmap (u32), `passing`, `others`, `passing_wholes` (u32).
-    #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = (self.passing.serialized_size() as u32).to_le_bytes().to_vec();
         for bitmap in [&self.passing, &self.others] {

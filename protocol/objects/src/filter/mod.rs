@@ -62,7 +62,6 @@ pub enum FilterFault {
 
 impl FilterFault {
     /// The word of programs for it.
-    #[must_use]
     pub fn code(self) -> &'static str {
         match self {
             Self::Syntax => "syntax",
@@ -134,7 +133,6 @@ impl Filter {
     }
 
     /// The ids of the block's objects that meet the condition. Parents and parts in other blocks are not seen: see [`FilterBuilder`].
-    #[must_use]
     pub fn select(&self, block: &ObjectBlock) -> RoaringBitmap {
         let parts = parts::by_whole(block, block, &self.attributes);
         let objects = block.ids().iter().enumerate().map(|(row, &id)| ObjectRow { block, id, row });
@@ -148,7 +146,6 @@ impl Filter {
     }
 
     /// Indices of the attributes that the filter uses, ascending. Fields that every object has are not among them.
-    #[must_use]
     pub fn attributes(&self) -> &[u32] {
         &self.attributes
     }

@@ -67,13 +67,11 @@ impl SchemaBuilder {
     }
 
     /// Number of values that were dropped.
-    #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
     /// The schema of `objects` objects, without searchable attributes. It passes [`Schema::check`].
-    #[must_use]
     pub fn finish(mut self, objects: u32) -> Schema {
         let attributes = self.attributes.into_iter().map(|statistics| {
             let unit = self.units.remove(&statistics.name);

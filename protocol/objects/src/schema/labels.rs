@@ -74,7 +74,6 @@ pub struct ShownValue {
 }
 
 /// Whether a text is the code of a language in lower case, such as `de` or `pt-br`.
-#[must_use]
 pub fn is_language(code: &str) -> bool {
     let is_part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit());
     let primary = code.split('-').next().unwrap_or_default();
@@ -82,7 +81,6 @@ pub fn is_language(code: &str) -> bool {
 }
 
 /// The title of a language such as `de-AT`, or else of its first part.
-#[must_use]
 pub fn title_in<'a>(titles: &'a BTreeMap<String, String>, language: &str) -> Option<&'a str> {
     let code = language.to_ascii_lowercase().replace('_', "-");
     let primary = code.split('-').next().unwrap_or_default();
@@ -91,7 +89,6 @@ pub fn title_in<'a>(titles: &'a BTreeMap<String, String>, language: &str) -> Opt
 
 impl AttributeLabel {
     /// The title in a language such as `de-AT`, or else in that of its first part, or else the one of all languages.
-    #[must_use]
     pub fn title_in(&self, language: &str) -> Option<&str> {
         title_in(&self.titles, language).or(self.title.as_deref())
     }
@@ -156,20 +153,17 @@ impl Schema {
     }
 
     /// What people read for the name of an attribute or field.
-    #[must_use]
     pub fn title_of<'a>(&'a self, name: &'a str, language: &str) -> &'a str {
         self.labels.get(name).and_then(|label| label.title_in(language)).unwrap_or(name)
     }
 
     /// Whether panels show an attribute.
-    #[must_use]
     pub fn is_shown(&self, name: &str) -> bool {
         !self.labels.get(name).is_some_and(|label| label.hidden)
     }
 
     /// The attributes in the order in which they are shown: those whose labels have a number come first, then name, address, use, year
     /// and height; the others follow in the order of the source. Pages, windows, commands and tables all have this order.
-    #[must_use]
     pub fn display_order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.attributes.len()).collect();
         order.sort_by_cached_key(|index| self.rank(*index));
@@ -184,7 +178,6 @@ impl Schema {
     }
 
     /// A value as people read it: numbers have the unit of their attribute.
-    #[must_use]
     pub fn text_of(&self, name: &str, value: &Value) -> String {
         let info = self.attributes.iter().find(|info| info.name == name && info.value_type.is_number());
         match info.and_then(|info| info.unit.as_ref()) {
@@ -194,7 +187,6 @@ impl Schema {
     }
 
     /// The attributes of an object as a panel shows them, with titles in a language.
-    #[must_use]
     pub fn shown(&self, values: &NamedValues, language: &str) -> Vec<ShownValue> {
         let visible = values.iter().filter(|(name, _)| self.is_shown(name));
         let shown = visible.map(|(name, value)| ShownValue {

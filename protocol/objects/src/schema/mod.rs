@@ -75,14 +75,12 @@ pub struct AttributeInfo {
 
 impl Schema {
     /// The index of the attribute of a name.
-    #[must_use]
     pub fn index_of(&self, name: &str) -> Option<usize> {
         self.attributes.iter().position(|attribute| attribute.name == name)
     }
 
     /// Names by which objects can be coloured: of all attributes, and `height` and `kind`, which all cities have. Those whose labels have a
     /// number come first, as in panels; the others follow by name, so that one of hundreds is found.
-    #[must_use]
     pub fn names_to_color_by(&self) -> Vec<String> {
         let mut names: Vec<String> = self.attributes.iter().map(|info| info.name.clone()).collect();
         for name in ["height", "kind"] {
@@ -98,7 +96,6 @@ impl Schema {
     /// The value in the type of attribute `attribute`. Numbers become floats in a column of floats, anything becomes a text in a
     /// column of texts. A value that the type cannot hold is returned as it is; it occurs only if the schema was not built from
     /// the same values.
-    #[must_use]
     pub fn convert(&self, attribute: usize, value: &Value) -> Value {
         let wanted = self.attributes.get(attribute).map(|attribute| attribute.value_type);
         match (wanted, value) {

@@ -11,7 +11,6 @@ pub struct NamedValues(Vec<(String, Value)>);
 
 impl NamedValues {
     /// The values of attributes of a schema, which are in its order: that of the source. Unknown attributes are left out.
-    #[must_use]
     pub fn new(schema: &Schema, attributes: Vec<(u32, Value)>) -> Self {
         let mut order: Vec<usize> = (0..attributes.len()).collect();
         let index = |place: &usize| attributes.get(*place).map_or(usize::MAX, |(attribute, _)| *attribute as usize);
@@ -30,7 +29,6 @@ impl NamedValues {
     }
 
     /// The value of a name.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.iter().find(|(known, _)| *known == name).map(|(_, value)| value)
     }

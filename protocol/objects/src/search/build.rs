@@ -23,7 +23,6 @@ pub struct SearchEntry {
 impl SearchEntry {
     /// A text of an object: a name, an address, an identifier. Texts are cut at [`MAX_TEXT_BYTES`] bytes, between characters.
     /// `None` for a text without a letter or a digit, which cannot be found.
-    #[must_use]
     pub fn new(text: &str, object: u32) -> Option<Self> {
         let text = cut(text.trim(), MAX_TEXT_BYTES);
         let mut glyphs = Vec::new();
@@ -124,7 +123,6 @@ impl<F: Write> SearchTextWriter<F> {
 
 impl<F> WrittenTexts<F> {
     /// Whether there are no texts.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries == 0
     }
@@ -256,7 +254,6 @@ pub struct SearchIndexBuilder {
 
 impl SearchIndexBuilder {
     /// An index without texts.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }

@@ -75,25 +75,21 @@ impl<D: AsRef<[u8]>> SearchIndex<D> {
     }
 
     /// Checksum of all texts and objects.
-    #[must_use]
     pub fn checksum(&self) -> u32 {
         self.data.as_ref().last_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes))
     }
 
     /// Pairs of a text and an object.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.layout.entries as usize
     }
 
     /// Length of the index in bytes, which are all in memory or all mapped.
-    #[must_use]
     pub fn byte_len(&self) -> usize {
         self.data.as_ref().len()
     }
 
     /// Whether there are no texts.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.layout.entries == 0
     }
@@ -110,7 +106,6 @@ impl<D: AsRef<[u8]>> SearchIndex<D> {
     ///
     /// In order: fewer typos; the whole text, first with the same diacritics; the first word of the text as a whole; earlier
     /// words; shorter texts; lower numbers of objects. An object has one hit per text. The same query has the same hits.
-    #[must_use]
     pub fn search(&self, query: &str, limit: usize) -> Vec<SearchHit> {
         let limit = limit.min(MAX_HITS);
         let query = Query::new(query);
