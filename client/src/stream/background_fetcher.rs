@@ -70,9 +70,7 @@ impl BackgroundFetcher {
     pub fn location(&self) -> &str {
         self.source.location()
     }
-}
 
-impl BackgroundFetcher {
     /// Fetches a tile in the background as `response` does, and decodes it.
     fn spawn(
         &mut self,

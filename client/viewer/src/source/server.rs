@@ -38,18 +38,14 @@ impl ServerSource {
         let (name, version, lacks_groups) = (manifest.name.clone(), manifest.version.clone(), AtomicBool::new(false));
         Self { http, base, query: query.to_owned(), name, version, lacks_groups }
     }
-}
 
-impl ServerSource {
     /// The address of `path` with the parameter `name`, further parameters and the share link.
     fn url_with_text(&self, path: &str, name: &str, text: &str, more: &str) -> String {
         let text = utf8_percent_encode(text, NON_ALPHANUMERIC);
         let share = self.query.strip_prefix('?').map(|share| format!("&{share}")).unwrap_or_default();
         format!("{}{path}?{name}={text}{more}{share}", self.base)
     }
-}
 
-impl ServerSource {
     /// The response for a group that cannot be had: each tile is fetched by itself, from now on.
     fn without_groups(&self, keys: &[TileKey]) -> Vec<Option<Bytes>> {
         self.lacks_groups.store(true, Ordering::Relaxed);

@@ -32,9 +32,7 @@ impl BrowserFetcher {
     pub(crate) fn new(host: Host, source: Arc<dyn TileSource>) -> Self {
         Self { host, source, tasks: HashMap::new(), outcomes: Rc::default() }
     }
-}
 
-impl BrowserFetcher {
     /// Fetches a tile in the background as `response` does, and has it decoded.
     fn spawn(
         &mut self,
