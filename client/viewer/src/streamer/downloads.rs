@@ -4,7 +4,7 @@
 //! [`RequestQueue`], decoded tiles by the fetcher.
 
 use super::request_grouping::PlannedRequest;
-use super::request_queue::{Reachability, RequestPlan, RequestQueue};
+use super::request_queue::{RequestPlan, RequestQueue};
 use crate::decode::DecodedTile;
 use crate::scene::{SceneTree, TileEvent, TileKey};
 use crate::select::priority::TileRequest;
@@ -54,19 +54,6 @@ pub trait TileFetcher {
     fn jitter(&mut self) -> f64;
 }
 
-/// What a fetcher reaches.
-struct Reach<'a, F>(&'a F);
-
-impl<F: TileFetcher> Reachability for Reach<'_, F> {
-    fn is_local(&self, key: TileKey) -> bool {
-        self.0.is_local(key)
-    }
-
-    fn has_groups(&self) -> bool {
-        self.0.has_groups()
-    }
-}
-
 struct InFlight {
     ticket: u64,
     since: Duration,
@@ -112,7 +99,7 @@ impl<F: TileFetcher> Downloads<F> {
         companions: &[TileRequest],
         now: Duration,
     ) -> usize {
-        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, companions, now, &Reach(&self.fetcher));
+        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, companions, now, &self.fetcher);
         for key in cancel {
             if self.in_flight.remove(&key).is_some() {
                 self.fetcher.cancel(key);

@@ -1,5 +1,6 @@
 //! Decides, frame by frame, which requests to start and which to cancel.
 
+use super::downloads::TileFetcher;
 use super::request_grouping::PlannedRequest;
 use crate::scene::tile::retry_delay;
 use crate::scene::{SceneTree, TileEvent, TileKey};
@@ -22,14 +23,6 @@ pub(super) struct RequestPlan {
     pub(super) cancel: Vec<TileKey>,
     /// Most important first.
     pub(super) start: Vec<PlannedRequest>,
-}
-
-/// What can be fetched, and how.
-pub(super) trait Reachability {
-    /// Whether a tile can be had without the network.
-    fn is_local(&self, key: TileKey) -> bool;
-    /// Whether several tiles can be fetched by one request.
-    fn has_groups(&self) -> bool;
 }
 
 /// The tiles that are queued, and those whose requests are in flight.
@@ -77,7 +70,7 @@ impl RequestQueue {
         wanted: &[TileRequest],
         companions: &[TileRequest],
         now: Duration,
-        reach: &impl Reachability,
+        fetcher: &impl TileFetcher,
     ) -> RequestPlan {
         let cancel = self.forget_unwanted(tree, wanted);
         for TileRequest { key, .. } in wanted {
@@ -93,12 +86,12 @@ impl RequestQueue {
             if weight >= limit {
                 break;
             }
-            let is_local = || reach.is_local(*key);
+            let is_local = || fetcher.is_local(*key);
             let may_start = weight < network_limit || network_limit < limit && is_local();
             if !self.queued.contains(key) || !may_start {
                 continue;
             }
-            let is_grouped = now >= self.groups_from && reach.has_groups() && !is_local();
+            let is_grouped = now >= self.groups_from && fetcher.has_groups() && !is_local();
             let mut request = PlannedRequest::single(*key);
             if is_grouped {
                 let wanted = candidates.get_or_insert_with(|| companions.iter().map(|request| request.key).collect());
@@ -236,22 +229,17 @@ impl Backoff {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::Unresponsive;
     use super::*;
     use crate::scene::TileState;
     use crate::select::tests::{request, tree};
     use insula_protocol::TileId;
 
     /// All tiles are remote. With groups or without.
-    struct Remote(bool);
-
-    impl Reachability for Remote {
-        fn is_local(&self, _: TileKey) -> bool {
-            false
-        }
-
-        fn has_groups(&self) -> bool {
-            self.0
-        }
+    fn remote(has_groups: bool) -> Unresponsive {
+        let mut fetcher = Unresponsive::new(None);
+        fetcher.has_groups = has_groups;
+        fetcher
     }
 
     fn started(plan: &RequestPlan) -> Vec<TileKey> {
@@ -266,17 +254,17 @@ mod tests {
     fn starts_in_order_up_to_the_limit_and_cancels_what_is_not_wanted() {
         let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
         let all = wanted(&[3, 1, 0, 2]);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(false))), [all[0].key, all[1].key]);
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)), RequestPlan::default());
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(false))), [all[0].key, all[1].key]);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(false)), RequestPlan::default());
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Queued);
         let fewer = wanted(&[1, 2]);
-        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &Remote(false));
+        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &remote(false));
         assert_eq!((&plan.cancel, started(&plan)), (&vec![all[0].key], vec![fewer[1].key]));
         assert_eq!(tree.tile(all[0].key).unwrap().state(), TileState::Unknown);
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "no longer queued");
         queue.request_ended(fewer[0].key);
         tree.apply(fewer[0].key, TileEvent::Refuse);
-        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &Remote(false));
+        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &remote(false));
         assert_eq!(plan, RequestPlan::default(), "bad tiles are not requested again");
     }
 
@@ -284,7 +272,7 @@ mod tests {
     fn neighbours_take_one_request_until_the_last_of_them_has_ended() {
         let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
         let all = wanted(&[3, 1, 0, 2]);
-        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(true));
+        let plan = queue.plan(&mut tree, &all, &all, now, &remote(true));
         assert_eq!((plan.start.len(), plan.start[0].keys.len()), (1, 4));
         assert!(plan.start[0].group.is_some());
         for request in &all[1..] {
@@ -301,30 +289,30 @@ mod tests {
         let all = wanted(&[0, 1, 2, 3]);
         let keys = vec![all[0].key, all[1].key];
         assert!(queue.start(PlannedRequest { group: None, keys, weight: 2 }, &mut tree, now).is_some());
-        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(false));
+        let plan = queue.plan(&mut tree, &all, &all, now, &remote(false));
         assert_eq!(started(&plan), [all[2].key], "one more fits");
         queue.request_ended(all[0].key);
-        assert!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.is_empty(), "the group has not ended");
+        assert!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.is_empty(), "the group has not ended");
         queue.request_ended(all[1].key);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(false))), [all[3].key]);
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(false))), [all[3].key]);
     }
 
     #[test]
     fn dead_server_gets_one_request_at_a_time() {
         let (mut tree, mut queue, mut now) = (tree(), RequestQueue::new(4), Duration::from_secs(100));
         let all = wanted(&[0, 1, 2, 3]);
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.len(), 4);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.len(), 4);
         for request in &all {
             queue.request_ended(request.key);
             tree.apply(request.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
             queue.failed(now, None, 0.5);
         }
         assert_eq!(queue.backoff.failures, 1);
-        assert!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.is_empty());
+        assert!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.is_empty());
         now += Duration::from_secs(3);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(true))), [all[0].key], "no groups");
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(true))), [all[0].key], "no groups");
         queue.backoff.succeeded();
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(true)).start.len(), 3, "still no groups");
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(true)).start.len(), 3, "still no groups");
     }
 
     #[test]
