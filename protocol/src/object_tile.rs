@@ -2,7 +2,7 @@
 //!
 //! This module defines their addresses and their container. `insula-objects` defines their content.
 
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
 
@@ -40,9 +40,7 @@ pub fn block_number(id: TileId) -> Option<u32> {
 /// The tile of a schema or block. Fails if the content is empty or too long.
 pub fn encode(id: TileId, content: &[u8]) -> Result<Vec<u8>, DecodeError> {
     check_limit("the size of an object tile's content", content.len(), MAX_CONTENT_BYTES)?;
-    if content.is_empty() {
-        return Err(DecodeError::Invalid("an object tile without content"));
-    }
+    invalid_if(content.is_empty(), "an object tile without content")?;
     let mut writer = TileWriter::new(TileKind::Objects, Some(id));
     writer.add_section(TAG_CONTENT, content)?;
     writer.finish()
@@ -51,9 +49,7 @@ pub fn encode(id: TileId, content: &[u8]) -> Result<Vec<u8>, DecodeError> {
 /// The content of the tile at `id`. Fails on any bytes that are not that tile.
 pub fn decode(id: TileId, bytes: &[u8]) -> Result<Vec<u8>, DecodeError> {
     let tile = TileReader::new(bytes, TileKind::Objects)?;
-    if tile.id != Some(id) {
-        return Err(DecodeError::Invalid("the object tile is of another block"));
-    }
+    invalid_if(tile.id != Some(id), "the object tile is of another block")?;
     let content = tile.section(TAG_CONTENT, MAX_CONTENT_BYTES)?;
     if content.is_empty() { Err(DecodeError::Invalid("an object tile without content")) } else { Ok(content) }
 }

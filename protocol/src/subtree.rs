@@ -6,7 +6,7 @@
 
 use crate::codec::byte_reader::ByteReader;
 use crate::codec::varint;
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 use crate::mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
@@ -151,9 +151,7 @@ impl Subtree {
         if self.deviations.is_empty() {
             return Ok(Vec::new());
         }
-        if self.deviations.len() != self.nodes.len() {
-            return Err(DecodeError::Invalid("a subtree must have a deviation for each node or none"));
-        }
+        invalid_if(self.deviations.len() != self.nodes.len(), "a subtree must have a deviation for each node or none")?;
         let kind = |i: usize| self.deviations.iter().map(move |deviation| centimetres(deviation.values()[i]));
         Ok((0..4).flat_map(kind).flat_map(u16::to_le_bytes).collect())
     }
@@ -173,9 +171,7 @@ impl Subtree {
             }
             raw.push(mesh.map_or(0, |mesh| mesh.lods.len() as u8));
         }
-        if meshes.next().is_some() {
-            return Err(DecodeError::Invalid("a subtree's meshes are not in the order of its nodes"));
-        }
+        invalid_if(meshes.next().is_some(), "a subtree's meshes are not in the order of its nodes")?;
         let lods = || self.meshes.iter().flat_map(|mesh| &mesh.lods);
         lods().for_each(|lod| raw.extend_from_slice(&lod.error_m.to_le_bytes()));
         for number in [|lod: &MeshLod| lod.bytes, |lod: &MeshLod| lod.triangles, |lod: &MeshLod| lod.texture_px] {
@@ -188,9 +184,7 @@ impl Subtree {
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::Subtree)?;
         let id = tile.id.ok_or(DecodeError::Invalid("a subtree tile has no id"))?;
-        if !Self::is_root(id) {
-            return Err(DecodeError::Invalid("the level of a subtree's root is not a multiple of five"));
-        }
+        invalid_if(!Self::is_root(id), "the level of a subtree's root is not a multiple of five")?;
         let raw = tile.section(TAG_NODES, MAX_NODES * NODE_BYTES)?;
         let mut reader = ByteReader::new(&raw);
         let end = id.level() + LEVELS;
@@ -217,9 +211,7 @@ fn read_deviations(raw: &[u8], count: usize) -> Result<Vec<NodeDeviation>, Decod
     if raw.is_empty() {
         return Ok(Vec::new());
     }
-    if raw.len() != count * DEVIATION_BYTES {
-        return Err(DecodeError::Invalid("a subtree must have a deviation for each node or none"));
-    }
+    invalid_if(raw.len() != count * DEVIATION_BYTES, "a subtree must have a deviation for each node or none")?;
     let metres = |i: usize| f32::from(u16::from_le_bytes([raw[2 * i], raw[2 * i + 1]])) / 100.0;
     let deviation = |node: usize| NodeDeviation::from_values(std::array::from_fn(|kind| metres(kind * count + node)));
     Ok((0..count).map(deviation).collect())
@@ -231,9 +223,7 @@ fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeEr
     }
     let mut reader = ByteReader::new(raw);
     let counts = reader.take(nodes.len())?;
-    if counts.iter().any(|count| *count > MAX_LODS) {
-        return Err(DecodeError::Invalid("a mesh has more than four levels of detail"));
-    }
+    invalid_if(counts.iter().any(|count| *count > MAX_LODS), "a mesh has more than four levels of detail")?;
     let mut lods = Vec::new();
     for _ in 0..counts.iter().map(|count| u32::from(*count)).sum() {
         lods.push(MeshLod { error_m: reader.f32()?, bytes: 0, triangles: 0, texture_px: 0 });
@@ -257,9 +247,7 @@ fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeEr
 }
 
 fn check_mesh(mesh: &NodeMesh, node: &NodeInfo) -> Result<(), DecodeError> {
-    if node.child_mask != 0 {
-        return Err(DecodeError::Invalid("a node with children has a mesh"));
-    }
+    invalid_if(node.child_mask != 0, "a node with children has a mesh")?;
     let count = 1..=usize::from(MAX_LODS);
     let is_ascending = mesh.lods.is_sorted_by(|finer, coarser| finer.error_m <= coarser.error_m);
     let is_valid = mesh.lods.iter().all(|lod| (0.0..f32::INFINITY).contains(&lod.error_m));

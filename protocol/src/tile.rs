@@ -4,7 +4,7 @@
 
 use crate::codec::byte_reader::ByteReader;
 use crate::codec::checksum;
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::{TileId, codec};
 use serde::{Deserialize, Serialize};
 
@@ -183,9 +183,7 @@ impl<'a> TileReader<'a> {
         if found != kind as u8 {
             return Err(DecodeError::TileKind { found, wanted: kind as u8 });
         }
-        if reader.u8()? != 0 {
-            return Err(DecodeError::Invalid("a tile's reserved byte is not zero"));
-        }
+        invalid_if(reader.u8()? != 0, "a tile's reserved byte is not zero")?;
         let (header_bytes, crc32) = (reader.u32()? as usize, reader.u32()?);
         let header = reader.take(header_bytes)?;
         if checksum(header) != crc32 {

@@ -6,7 +6,7 @@
 
 use crate::codec::byte_reader::ByteReader;
 use crate::codec::range::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder};
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::tile::{MAX_SECTION_BYTES, TileReader, TileWriter};
 use crate::tile_id::MAX_LEVEL;
 use crate::{TileId, TileKind};
@@ -134,9 +134,7 @@ impl VisibilityTile {
     /// Fails if a rule of the format is broken.
     fn check(&self) -> Result<(), DecodeError> {
         let is_block = self.depth <= MAX_LEVEL && self.id.level() == self.depth.saturating_sub(BLOCK_LEVELS);
-        if !is_block || !self.layers_dm.is_sorted() {
-            return Err(DecodeError::Invalid("a visibility tile's level or layers are wrong"));
-        }
+        invalid_if(!is_block || !self.layers_dm.is_sorted(), "a visibility tile's level or layers are wrong")?;
         check_limit("the reach of a visibility tile", usize::from(self.reach), usize::from(MAX_REACH))
     }
 
@@ -161,9 +159,7 @@ impl VisibilityTile {
     /// Decodes the tile of node `id`. Fails on any bytes that are not that tile.
     pub fn decode(id: TileId, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::Visibility)?;
-        if tile.id != Some(id) {
-            return Err(DecodeError::Invalid("the visibility tile is of another node"));
-        }
+        invalid_if(tile.id != Some(id), "the visibility tile is of another node")?;
         let meta = tile.section(TAG_META, META_BYTES)?;
         let mut reader = ByteReader::new(&meta);
         let found = reader.u8()?;

@@ -7,7 +7,7 @@ use super::texel_coder::QuantisationSteps;
 use super::{BlockMap, Z_SHIFT_MAX, reflective, thin};
 use crate::codec::byte_reader::ByteReader;
 use crate::codec::range::RangeDecoder;
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 use crate::texel::AO_MAX;
 use crate::tile::{MAX_SECTION_BYTES, TileReader};
 use crate::{TileId, TileKind};
@@ -18,9 +18,7 @@ impl BlockMap {
     /// [`MAX_TEXELS`](super::MAX_TEXELS) allow.
     pub fn decode(id: TileId, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::BlockMap)?;
-        if tile.id.is_some() {
-            return Err(DecodeError::Invalid("a V-BlockMap tile has an id"));
-        }
+        invalid_if(tile.id.is_some(), "a V-BlockMap tile has an id")?;
         let (mut map, steps) = read_meta(id, &tile)?;
         let columns = tile.section(TAG_COLUMNS, MAX_SECTION_BYTES as usize)?;
         let mut coder = RangeDecoder::new(&columns);
@@ -43,9 +41,7 @@ fn read_objects(tile: &TileReader<'_>, map: &BlockMap) -> Result<Option<Box<Colu
     let mut coder = RangeDecoder::new(&section);
     let objects = objects::code(&mut coder, map, &ColumnObjects::default())?;
     check_end(&coder)?;
-    if objects.is_empty() {
-        return Err(DecodeError::Invalid("a section of objects that no column shows"));
-    }
+    invalid_if(objects.is_empty(), "a section of objects that no column shows")?;
     Ok(Some(Box::new(objects)))
 }
 
@@ -57,9 +53,7 @@ fn read_ground(tile: &TileReader<'_>) -> Result<Option<Box<NodeGround>>, DecodeE
     let mut ground = Box::<NodeGround>::default();
     let mut coder = RangeDecoder::new(&section);
     ground::code(&mut coder, &mut ground)?;
-    if ground.squares == 0 {
-        return Err(DecodeError::Invalid("a ground without squares"));
-    }
+    invalid_if(ground.squares == 0, "a ground without squares")?;
     check_end(&coder)?;
     Ok(Some(ground))
 }
@@ -99,9 +93,7 @@ fn read_meta(id: TileId, tile: &TileReader<'_>) -> Result<(BlockMap, Quantisatio
     let (cell_m, z_base_cells, z_shift) = (reader.f32()?, reader.u32()? as i32, reader.u8()?);
     let steps = QuantisationSteps { colour: reader.u16()?, ao: reader.u8()? };
     reader.finish()?;
-    if cell_m <= 0.0 || z_shift > Z_SHIFT_MAX {
-        return Err(DecodeError::Invalid("a V-BlockMap's cell size or height step is out of range"));
-    }
+    invalid_if(cell_m <= 0.0 || z_shift > Z_SHIFT_MAX, "a V-BlockMap's cell size or height step is out of range")?;
     let least = QuantisationSteps::LOSSLESS;
     if !(least.colour..=MAX_COLOUR_STEP).contains(&steps.colour) || !(least.ao..=AO_MAX).contains(&steps.ao) {
         return Err(DecodeError::Invalid("a V-BlockMap's step of colours or occlusion is out of range"));

@@ -24,7 +24,7 @@ mod walk;
 mod walls;
 
 use crate::TileId;
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::texel::Texel;
 pub use encode::Quality;
 pub use ground::NodeGround;
@@ -345,12 +345,8 @@ impl BlockMap {
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         let heights = self.z_min.iter().zip(&self.z_max);
         for (flags, (&z_min, &z_max)) in self.flags.iter().zip(heights).filter(|(flags, _)| **flags != 0) {
-            if flags & flag::OCCUPIED == 0 {
-                return Err(DecodeError::Invalid("a column has flags without being occupied"));
-            }
-            if z_min >= z_max || z_max > Z_CODE_MAX {
-                return Err(DecodeError::Invalid("a column's heights are inverted or out of range"));
-            }
+            invalid_if(flags & flag::OCCUPIED == 0, "a column has flags without being occupied")?;
+            invalid_if(z_min >= z_max || z_max > Z_CODE_MAX, "a column's heights are inverted or out of range")?;
             // The common case.
             if flags & (flag::GAP | flag::CLIPPED | flag::EXPOSED | flag::HOLES) == 0 {
                 continue;

@@ -10,7 +10,7 @@ use super::connectivity::Connectivity;
 use super::difference::{DIGIT_COUNTS, DifferenceCoder, digits};
 use super::points::Points;
 use crate::codec::rans::{SymbolCoder, SymbolModel};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// Number of neighbours that a vertex is compared with.
 const NEIGHBOURS: usize = 4;
@@ -131,9 +131,7 @@ pub(super) fn code<C: SymbolCoder>(
         };
         points.set_coordinates(vertex, position)?;
         last = [position, last[0]];
-        if vertex % 1024 == 0 && coder.overrun() {
-            return Err(DecodeError::Invalid("a mesh's positions are truncated"));
-        }
+        invalid_if(vertex % 1024 == 0 && coder.overrun(), "a mesh's positions are truncated")?;
     }
     Ok(())
 }
@@ -151,9 +149,7 @@ impl ArchitecturalModels {
         let expected = neighbourhood.expected;
         let model = &mut self.aligned[neighbourhood.pattern(is_aligned)];
         let aligned = coder.symbol(model, neighbourhood.find(value, is_aligned));
-        if aligned > NEIGHBOURS {
-            return Err(DecodeError::Invalid("a mesh's vertex is aligned with a neighbour that does not exist"));
-        }
+        invalid_if(aligned > NEIGHBOURS, "a mesh's vertex is aligned with a neighbour that does not exist")?;
         if aligned != NO_NEIGHBOUR {
             position[..2].copy_from_slice(&neighbourhood.points[aligned - 1][..2]);
         } else {
@@ -167,9 +163,7 @@ impl ArchitecturalModels {
         }
         let model = &mut self.level[neighbourhood.pattern(is_level) * (NEIGHBOURS + 1) + aligned];
         let level = coder.symbol(model, neighbourhood.find(value, is_level));
-        if level > NEIGHBOURS {
-            return Err(DecodeError::Invalid("a mesh's vertex is level with a neighbour that does not exist"));
-        }
+        invalid_if(level > NEIGHBOURS, "a mesh's vertex is level with a neighbour that does not exist")?;
         if level != NO_NEIGHBOUR {
             position[2] = neighbourhood.points[level - 1][2];
         } else {

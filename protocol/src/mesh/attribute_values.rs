@@ -10,7 +10,7 @@ use super::difference::DifferenceCoder;
 use super::half_edge::{next, prev};
 use super::points::Points;
 use crate::codec::rans::{SymbolCoder, SymbolModel};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// Number of values that a corner may share: across its two edges, and the latest at its vertex.
 const SHARED: usize = 3;
@@ -70,9 +70,7 @@ pub(super) fn code<C: SymbolCoder>(
                 if C::WRITES { values.target(&given_values[given_corners[out.len()] as usize]) } else { [0; 4] };
             out.push(values.code_corner(coder, corner, target, &mut at_seam)?);
         }
-        if t % 1024 == 0 && coder.overrun() {
-            return Err(DecodeError::Invalid("a mesh's attributes are truncated"));
-        }
+        invalid_if(t % 1024 == 0 && coder.overrun(), "a mesh's attributes are truncated")?;
     }
     attribute.values = values.values.into_iter().map(|value| value.map(|v| v as u32)).collect();
     attribute.corners = out;
@@ -120,9 +118,7 @@ impl ValueCoder<'_> {
             let symbol = coder.symbol(model, symbol);
             *at_seam = symbol != 0;
             if symbol != NEW_VALUE {
-                if symbol >= count {
-                    return Err(DecodeError::Invalid("a mesh's corner shares a value that does not exist"));
-                }
+                invalid_if(symbol >= count, "a mesh's corner shares a value that does not exist")?;
                 id = shared[symbol];
             }
         }
@@ -166,9 +162,7 @@ impl ValueCoder<'_> {
         for c in 0..usize::from(self.attribute.components) {
             let contexts = [by as usize * 4 + c, by as usize];
             value[c] = self.differences.code(coder, contexts, target[c], prediction[c]);
-            if value[c] >> self.attribute.bits != 0 {
-                return Err(DecodeError::Invalid("a mesh's attribute has a value outside its bits"));
-            }
+            invalid_if(value[c] >> self.attribute.bits != 0, "a mesh's attribute has a value outside its bits")?;
         }
         self.values.push(value);
         Ok(self.values.len() as u32 - 1)

@@ -12,7 +12,7 @@ use super::closed_mesh::ClosedMesh;
 use super::encoder_state::EncoderState;
 use super::half_edge::{NONE, next, prev};
 use crate::codec::rans::{SymbolCoder, SymbolModel};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// Symbol of a step to a vertex that is already in a list.
 const JOIN: usize = 0;
@@ -147,9 +147,7 @@ impl<'a> Traversal<'a> {
             while let Some(focus) = self.active.pop_focus() {
                 while self.active.node(focus).next != NONE {
                     self.step(coder, focus)?;
-                    if coder.overrun() {
-                        return Err(DecodeError::Invalid("a mesh's connectivity is truncated"));
-                    }
+                    invalid_if(coder.overrun(), "a mesh's connectivity is truncated")?;
                 }
             }
         }
@@ -381,9 +379,7 @@ impl<'a> Traversal<'a> {
         source: u32,
     ) -> Result<u32, DecodeError> {
         let edge = 3 * self.out.triangles.len() as u32;
-        if self.out.triangles.len() >= self.max_triangles {
-            return Err(DecodeError::Invalid("a mesh has more triangles than its header says"));
-        }
+        invalid_if(self.out.triangles.len() >= self.max_triangles, "a mesh has more triangles than its header says")?;
         self.out.triangles.push(corners);
         self.out.beyond.push(beyond);
         if self.with_twins {

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::codec::byte_reader::ByteReader;
 use crate::codec::rans::{LANES, RansDecoder};
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 
 /// What precedes the coded symbols.
 struct MeshHeader {
@@ -71,14 +71,10 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
     let classes = usize::from(flags >> CLASSES_SHIFT);
     let scan_classes = Classes::ALL.get(classes).copied();
     let is_architectural = flags & ARCHITECTURAL != 0;
-    if scan_classes.is_none() || is_architectural && classes != 0 {
-        return Err(DecodeError::Invalid("a mesh has unknown flags"));
-    }
+    invalid_if(scan_classes.is_none() || is_architectural && classes != 0, "a mesh has unknown flags")?;
     let scan_classes = scan_classes.filter(|_| !is_architectural);
     let bits = reader.u8()?;
-    if !POSITION_BITS.contains(&bits) {
-        return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
-    }
+    invalid_if(!POSITION_BITS.contains(&bits), "a mesh's positions must have 8 to 16 bits")?;
     let attributes = usize::from(reader.u8()?);
     check_limit("the number of a mesh's attributes", attributes, MAX_ATTRIBUTES)?;
     let grid = read_grid(reader, flags & WIDE_GRID != 0, bits)?;
@@ -94,14 +90,10 @@ fn read_grid(reader: &mut ByteReader<'_>, is_wide: bool, bits: u8) -> Result<Pos
     let mut numbers = [0f64; 4];
     for number in &mut numbers {
         *number = if is_wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
-        if !number.is_finite() {
-            return Err(DecodeError::Invalid("a number is not finite"));
-        }
+        invalid_if(!number.is_finite(), "a number is not finite")?;
     }
     let [x, y, z, step] = numbers;
-    if step <= 0.0 {
-        return Err(DecodeError::Invalid("a mesh's grid step is not positive"));
-    }
+    invalid_if(step <= 0.0, "a mesh's grid step is not positive")?;
     Ok(PositionGrid { min: [x, y, z], step, bits })
 }
 

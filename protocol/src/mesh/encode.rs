@@ -12,7 +12,7 @@ use super::{
 };
 use crate::codec::rans::{LANES, RansEncoder};
 use crate::codec::varint;
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 
 /// Bits of the states that scan positions have beyond the one of architectural positions.
 const MORE_STATES: f64 = 32.0 * (LANES - 1) as f64;
@@ -62,9 +62,7 @@ impl Mesh {
     }
 
     fn check(&self) -> Result<(), DecodeError> {
-        if !POSITION_BITS.contains(&self.grid.bits) {
-            return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
-        }
+        invalid_if(!POSITION_BITS.contains(&self.grid.bits), "a mesh's positions must have 8 to 16 bits")?;
         check_limit("the number of a mesh's triangles", self.triangles.len(), MAX_TRIANGLES)?;
         check_limit("the number of a mesh's vertices", self.positions.len(), MAX_VERTICES)?;
         check_limit("the number of a mesh's attributes", self.attributes.len(), MAX_ATTRIBUTES)?;

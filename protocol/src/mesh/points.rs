@@ -2,7 +2,7 @@
 //!
 //! Coordinates are kept as f32 vectors of four lanes, which hold whole numbers of up to 16 bits exactly.
 
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// x, y, z, and a fourth lane: for a position 1, or 0 for a dummy vertex.
 pub(super) type Vector4 = [f32; 4];
@@ -137,9 +137,7 @@ impl Points {
         let end = (1u32 << self.bits) as f32;
         let [x, y, z, _] = position;
         let is_inside = |v: f32| v >= 0.0 && v < end;
-        if !(is_inside(x) & is_inside(y) & is_inside(z)) {
-            return Err(DecodeError::Invalid("a mesh's vertex lies outside its grid"));
-        }
+        invalid_if(!(is_inside(x) & is_inside(y) & is_inside(z)), "a mesh's vertex lies outside its grid")?;
         self.states[vertex as usize].position = position;
         Ok(())
     }
@@ -148,9 +146,7 @@ impl Points {
     #[inline]
     pub(super) fn set_coordinates(&mut self, vertex: u32, position: [i32; 3]) -> Result<(), DecodeError> {
         let [x, y, z] = position;
-        if (x | y | z) >> self.bits != 0 {
-            return Err(DecodeError::Invalid("a mesh's vertex lies outside its grid"));
-        }
+        invalid_if((x | y | z) >> self.bits != 0, "a mesh's vertex lies outside its grid")?;
         self.states[vertex as usize].position = [x, y, z, 1].map(|v| v as f32);
         Ok(())
     }

@@ -17,7 +17,7 @@ use super::scan_prediction::{CLASSES, Prediction, WEIGHTS};
 use super::scan_weights::Weights;
 use crate::codec::rans::SymbolCoder;
 use crate::codec::varint::{unzigzag, zigzag};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// Smallest variance that is assumed, in grid steps squared.
 const MIN_VARIANCE: f32 = 0.1;
@@ -164,9 +164,7 @@ pub(super) fn code<C: SymbolCoder>(
         completed.find(mesh, vertex, |other| scan.points.is_real(other));
         if prediction.find(completed.triangles(), mesh, scan.points, vertex, weights.classes) {
             scan.code_predicted(coder, vertex, &prediction)?;
-            if vertex % 1024 == 0 && coder.overrun() {
-                return Err(DecodeError::Invalid("a mesh's positions are truncated"));
-            }
+            invalid_if(vertex % 1024 == 0 && coder.overrun(), "a mesh's positions are truncated")?;
         } else {
             scan.code_first(coder, vertex)?;
         }

@@ -6,7 +6,7 @@ use super::points::{Points, Vector4, dot, sub};
 use super::scan_prediction::{CLASSES, Classes, FIRST_OF_MANY, OF_ONE, OF_ONE_PAIR, Prediction, WEIGHTS};
 use crate::codec::rans::{SymbolCoder, SymbolModel};
 use crate::codec::varint::{unzigzag, zigzag};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// Scale of coded weights.
 const ONE: f32 = 128.0;
@@ -68,9 +68,7 @@ impl Weights {
                     let difference = zigzag(own[k].wrapping_sub(weights[k]));
                     let difference = unzigzag(coder.number(&mut models[k % 2], difference));
                     weights[k] = weights[k].wrapping_add(difference);
-                    if weights[k].unsigned_abs() > LARGEST as u32 {
-                        return Err(DecodeError::Invalid("a mesh's weights are too large"));
-                    }
+                    invalid_if(weights[k].unsigned_abs() > LARGEST as u32, "a mesh's weights are too large")?;
                 }
             }
             all[class] = weights.map(|weight| weight as f32 / ONE);

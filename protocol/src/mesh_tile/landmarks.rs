@@ -2,7 +2,7 @@
 
 use super::NO_OBJECT;
 use crate::codec::byte_reader::ByteReader;
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::manifest::MAX_STONES;
 
 /// Maximum number of landmarks in a tile.
@@ -57,18 +57,14 @@ pub(super) fn decode(section: &[u8], objects: &[u32]) -> Result<Vec<LandmarkObje
 /// range.
 pub(super) fn check(landmarks: &[LandmarkObject], objects: &[u32]) -> Result<(), DecodeError> {
     check_limit("the number of a mesh tile's landmarks", landmarks.len(), MAX_LANDMARKS)?;
-    if !landmarks.is_sorted_by(|a, b| a.object < b.object) {
-        return Err(DecodeError::Invalid("a mesh tile's landmarks are not in order"));
-    }
+    invalid_if(!landmarks.is_sorted_by(|a, b| a.object < b.object), "a mesh tile's landmarks are not in order")?;
     for entry in landmarks {
         // Comparisons with NaN are false.
         let is_near = entry.anchor_m.iter().all(|v| v.abs() <= MAX_ANCHOR_M);
         if !is_near || entry.stone.is_some_and(|stone| usize::from(stone) >= MAX_STONES) {
             return Err(DecodeError::Invalid("a landmark has a number out of range"));
         }
-        if entry.object == NO_OBJECT || !objects.contains(&entry.object) {
-            return Err(DecodeError::Invalid("a landmark has no triangle"));
-        }
+        invalid_if(entry.object == NO_OBJECT || !objects.contains(&entry.object), "a landmark has no triangle")?;
     }
     Ok(())
 }

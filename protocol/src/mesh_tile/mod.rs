@@ -11,7 +11,7 @@ mod texture;
 use crate::codec::byte_reader::ByteReader;
 pub use crate::codec::object_names::NO_OBJECT;
 use crate::codec::range::{RangeDecoder, RangeEncoder};
-use crate::error::{DecodeError, check_limit};
+use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
@@ -63,9 +63,7 @@ fn read_objects(tile: &TileReader<'_>, mesh: &Mesh) -> Result<Vec<u32>, DecodeEr
     }
     let mut coder = RangeDecoder::new(&section);
     let objects = objects::code(&mut coder, &mesh.triangles, mesh.positions.len(), &[])?;
-    if objects.iter().all(|object| *object == NO_OBJECT) {
-        return Err(DecodeError::Invalid("a section of objects that no triangle shows"));
-    }
+    invalid_if(objects.iter().all(|object| *object == NO_OBJECT), "a section of objects that no triangle shows")?;
     match coder.unread_bytes() {
         0 => Ok(objects),
         unread => Err(DecodeError::TrailingBytes(unread)),
@@ -143,9 +141,7 @@ impl MeshTile {
         let tile = TileReader::new(bytes, TileKind::Mesh)?;
         let meta = tile.section(TAG_META, 5)?;
         let mut reader = ByteReader::new(&meta);
-        if tile.id != Some(id) || reader.u8()? != lod {
-            return Err(DecodeError::Invalid("the mesh tile is of another leaf or level of detail"));
-        }
+        invalid_if(tile.id != Some(id) || reader.u8()? != lod, "the mesh tile is of another leaf or level of detail")?;
         let bytes = tile.section(TAG_TEXTURE, MAX_PART_BYTES)?;
         let texture =
             if bytes.is_empty() { None } else { Some(TileTexture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
@@ -161,9 +157,7 @@ impl MeshTile {
 
     fn check(&self) -> Result<(), DecodeError> {
         check_limit("the number of a mesh tile's triangles", self.mesh.triangles.len(), MAX_TRIANGLES)?;
-        if self.mesh.triangles.is_empty() {
-            return Err(DecodeError::Invalid("a mesh tile has no triangles"));
-        }
+        invalid_if(self.mesh.triangles.is_empty(), "a mesh tile has no triangles")?;
         if !self.objects.is_empty() && self.objects.len() != self.mesh.triangles.len() {
             return Err(DecodeError::Invalid("a mesh tile has objects of other than its triangles"));
         }
@@ -173,9 +167,7 @@ impl MeshTile {
             _ => return Err(DecodeError::Invalid("a mesh tile must have one or two attributes")),
         };
         let is_share = |a: &Attribute| (a.kind, a.components, a.bits) == (AttributeKind::Other, 1, OCCLUSION_BITS);
-        if !occlusion.is_none_or(is_share) {
-            return Err(DecodeError::Invalid("a mesh tile's second attribute must be occlusion"));
-        }
+        invalid_if(!occlusion.is_none_or(is_share), "a mesh tile's second attribute must be occlusion")?;
         landmarks::check(&self.landmarks, &self.objects)?;
         if let Some(texture) = &self.texture {
             texture.check()?;

@@ -1,7 +1,7 @@
 //! Decoding of mesh textures.
 
 use super::TileTexture;
-use crate::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 use image::{ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
@@ -31,9 +31,7 @@ pub fn decode_webp(file: &[u8], size_px: [u32; 2]) -> Result<Vec<u8>, DecodeErro
     let mut reader = ImageReader::with_format(Cursor::new(file), ImageFormat::WebP);
     reader.limits(limits);
     let rgb = reader.decode().map_err(damaged)?.into_rgb8();
-    if rgb.dimensions() != (width_px, height_px) {
-        return Err(DecodeError::Invalid("a mesh's texture is not of its stated size"));
-    }
+    invalid_if(rgb.dimensions() != (width_px, height_px), "a mesh's texture is not of its stated size")?;
     Ok(rgb.into_raw())
 }
 
