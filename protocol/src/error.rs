@@ -28,12 +28,12 @@ pub enum DecodeError {
 }
 
 /// Fails with [`DecodeError::Limit`] if `found` is above `limit`.
-pub(crate) fn check_limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
+pub fn check_limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
     if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
 }
 
 /// Fails with [`DecodeError::Invalid`] if a rule of the format is broken.
 #[inline]
-pub(crate) fn invalid_if(is_broken: bool, rule: &'static str) -> Result<(), DecodeError> {
+pub fn invalid_if(is_broken: bool, rule: &'static str) -> Result<(), DecodeError> {
     if is_broken { Err(DecodeError::Invalid(rule)) } else { Ok(()) }
 }

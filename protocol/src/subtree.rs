@@ -257,11 +257,7 @@ fn check_mesh(mesh: &NodeMesh, node: &NodeInfo) -> Result<(), DecodeError> {
     let is_in_range = |lod: &MeshLod| {
         (1..=MAX_TRIANGLES).contains(&(lod.triangles as usize)) && lod.texture_px <= MAX_TEXTURE_PX && lod.bytes > 0
     };
-    if mesh.lods.iter().all(is_in_range) {
-        Ok(())
-    } else {
-        Err(DecodeError::Invalid("a mesh's size, triangles or pixels are out of range"))
-    }
+    invalid_if(!mesh.lods.iter().all(is_in_range), "a mesh's size, triangles or pixels are out of range")
 }
 
 fn read_node(reader: &mut ByteReader<'_>, id: TileId) -> Result<NodeInfo, DecodeError> {

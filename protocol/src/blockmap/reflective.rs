@@ -4,7 +4,7 @@
 
 use super::{BlockMap, COLUMNS, NODE_CELLS, flag};
 use crate::codec::range::{BitCoder, BitModel, GroupFlag};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 impl BlockMap {
     /// Whether a column is [`flag::REFLECTIVE`].
@@ -34,7 +34,7 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap) -> Result<(),
             flags[i] |= flag::REFLECTIVE;
         }
     }
-    if map.has_reflective() { Ok(()) } else { Err(DecodeError::Invalid("a section of reflective columns without any")) }
+    invalid_if(!map.has_reflective(), "a section of reflective columns without any")
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use super::{BlockMap, COLUMNS, MapColumn, NODE_CELLS, STEPS_PER_CELL, flag, strip_rows};
 use crate::codec::range::{BitCoder, BitModel, NumberModel};
-use crate::error::DecodeError;
+use crate::error::{DecodeError, invalid_if};
 
 /// How much of its cell a thin object covers (Vacca 2008, 3.4.2): of a column's only solid, or of the one above its gap. As codes, which
 /// are finer where the share is small.
@@ -66,7 +66,7 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap) -> Result<(),
         known[i] = Some(last);
         map.thin.push((i as u16, last));
     }
-    if map.thin.is_empty() { Err(DecodeError::Invalid("a section of thin columns without any")) } else { Ok(()) }
+    invalid_if(map.thin.is_empty(), "a section of thin columns without any")
 }
 
 impl BlockMap {
@@ -106,11 +106,8 @@ pub(super) fn check(map: &BlockMap) -> Result<(), DecodeError> {
     let may_be = |(column, share): &(u16, ThinShare)| {
         share.side > 0 && map.flags.get(usize::from(*column)).is_some_and(|flags| may_be_thin(*flags))
     };
-    if ascends && map.thin.iter().all(may_be) {
-        Ok(())
-    } else {
-        Err(DecodeError::Invalid("a thin column has no wall strip, or is clipped or inclined"))
-    }
+    let is_wrong = !ascends || !map.thin.iter().all(may_be);
+    invalid_if(is_wrong, "a thin column has no wall strip, or is clipped or inclined")
 }
 
 #[cfg(test)]

@@ -225,10 +225,6 @@ impl TileTexture {
         }
         // Other WebP files can contain a second size.
         let is_simple = matches!(self.bytes.get(8..16), Some(b"WEBPVP8 " | b"WEBPVP8L"));
-        if is_simple && self.bytes.starts_with(b"RIFF") {
-            Ok(())
-        } else {
-            Err(DecodeError::Invalid("a texture is not a WebP file of one chunk"))
-        }
+        invalid_if(!is_simple || !self.bytes.starts_with(b"RIFF"), "a texture is not a WebP file of one chunk")
     }
 }

@@ -1,24 +1,22 @@
 //! Decoding of a block. Every count and length is checked before memory is taken for it.
 
 use super::columns::{self, AttributeColumn};
-use super::encode::{first_id, limit};
+use super::encode::first_id;
 use super::numbers::{self, History};
 use super::rows::{RowSet, RowSets};
 use super::text_list::{self, Context, TextBudget};
 use super::{BLOCK_OBJECTS, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, VERSION};
 use crate::kind::FeatureKind;
 use crate::schema::Schema;
-use insula_protocol::DecodeError;
 use insula_protocol::codec::byte_reader::ByteReader;
 use insula_protocol::codec::{checksum, zstd};
+use insula_protocol::error::{DecodeError, check_limit, invalid_if};
 
 impl ObjectBlock {
     /// Decodes block `block` of a city with this schema. Fails on any bytes that are not that block.
     pub fn decode(block: u32, bytes: &[u8], schema: &Schema) -> Result<Self, DecodeError> {
         let mut reader = ByteReader::new(bytes);
-        if reader.array()? != MAGIC {
-            return Err(DecodeError::Invalid("not a block of objects: the magic bytes are missing"));
-        }
+        invalid_if(reader.array()? != MAGIC, "not a block of objects: the magic bytes are missing")?;
         let version = u16::from_le_bytes(reader.array()?);
         if version != VERSION {
             return Err(DecodeError::Version { found: version, known: VERSION });
@@ -32,7 +30,7 @@ impl ObjectBlock {
             return Err(DecodeError::Invalid("a block of objects has another number than was asked for"));
         }
         let payload_bytes = u32::from_le_bytes(reader.array()?) as usize;
-        limit("the size of a block's payload", payload_bytes, MAX_PAYLOAD_BYTES)?;
+        check_limit("the size of a block's payload", payload_bytes, MAX_PAYLOAD_BYTES)?;
         let payload = zstd::decompress(checked.get(8..).unwrap_or_default(), payload_bytes)?;
         Self::decode_payload(block, &payload, schema)
     }

@@ -9,9 +9,9 @@ use super::{
 use crate::kind::FeatureKind;
 use crate::schema::Schema;
 use crate::value::{MAX_TEXT_BYTES, ValueRef};
-use insula_protocol::DecodeError;
 use insula_protocol::codec::varint::push64;
 use insula_protocol::codec::{checksum, zstd};
+use insula_protocol::error::{DecodeError, check_limit, invalid_if};
 use std::collections::BTreeMap;
 
 /// Encodes the objects of ids from `block * BLOCK_OBJECTS`, `None` where an id is not in use. Equal input gives equal bytes.
@@ -35,10 +35,8 @@ pub fn encode(block: u32, records: &[Option<ObjectRecord>], schema: &Schema) -> 
 }
 
 fn encode_payload(block: u32, records: &[Option<ObjectRecord>], schema: &Schema) -> Result<Vec<u8>, DecodeError> {
-    limit("the number of objects of a block", records.len(), BLOCK_OBJECTS)?;
-    if first_id(block).is_none() {
-        return Err(DecodeError::Invalid("the ids of a block have more than 32 bits"));
-    }
+    check_limit("the number of objects of a block", records.len(), BLOCK_OBJECTS)?;
+    invalid_if(first_id(block).is_none(), "the ids of a block have more than 32 bits")?;
     let in_use = || records.iter().enumerate().filter_map(|(slot, record)| Some((slot, record.as_ref()?)));
     let rows: Vec<&ObjectRecord> = in_use().map(|(_, record)| record).collect();
     check(&rows, schema)?;
@@ -69,7 +67,7 @@ fn encode_payload(block: u32, records: &[Option<ObjectRecord>], schema: &Schema)
         row_sets.encode(&mut out, rows.iter().map(|row| usize::from(*row)).collect());
         columns::encode(&mut out, info.value_type, rows, values, &identifiers, &mut history)?;
     }
-    limit("the size of a block's payload", out.len(), MAX_PAYLOAD_BYTES)?;
+    check_limit("the size of a block's payload", out.len(), MAX_PAYLOAD_BYTES)?;
     Ok(out)
 }
 
@@ -124,7 +122,7 @@ const UNKNOWN_ATTRIBUTE: DecodeError = DecodeError::Invalid("an object has an at
 fn check(rows: &[&ObjectRecord], schema: &Schema) -> Result<(), DecodeError> {
     for record in rows {
         let ObjectRecord { identifier, bounds, attributes, .. } = record;
-        limit("the bytes of an identifier", identifier.len(), MAX_TEXT_BYTES)?;
+        check_limit("the bytes of an identifier", identifier.len(), MAX_TEXT_BYTES)?;
         if bounds.is_some_and(|bounds| bounds.min.iter().zip(&bounds.max).any(|(min, max)| min > max)) {
             return Err(DecodeError::Invalid("the bounds of an object are inverted"));
         }
@@ -146,9 +144,4 @@ pub(super) fn first_id(block: u32) -> Option<u32> {
 
 fn kind_index(kind: FeatureKind) -> i64 {
     FeatureKind::NAMES.iter().position(|(_, known)| *known == kind).unwrap_or_default() as i64
-}
-
-/// Fails if `found` is above `limit`.
-pub(super) fn limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
-    if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
 }

@@ -6,9 +6,9 @@
 
 use super::BLOCK_OBJECTS;
 use super::cost::{self, Cost, bits};
-use insula_protocol::DecodeError;
 use insula_protocol::codec::byte_reader::ByteReader;
 use insula_protocol::codec::varint::{push64, unzigzag64, zigzag64};
+use insula_protocol::error::{DecodeError, invalid_if};
 use std::collections::{BTreeSet, VecDeque};
 
 /// Number of earlier columns to which a column can refer.
@@ -219,9 +219,7 @@ fn decode_sequence(reader: &mut ByteReader<'_>, count: usize, is_packed: bool) -
 fn decode_offsets(reader: &mut ByteReader<'_>, count: usize, is_packed: bool) -> Result<Vec<i64>, DecodeError> {
     let base = unzigzag64(reader.varint64()?);
     let width = usize::from(reader.u8()?);
-    if width > if is_packed { 64 } else { 8 } {
-        return Err(DecodeError::Invalid("a number is wider than 64 bits"));
-    }
+    invalid_if(width > if is_packed { 64 } else { 8 }, "a number is wider than 64 bits")?;
     let mut values = vec![base; count];
     if is_packed {
         let packed = reader.take((width * count).div_ceil(8))?;

@@ -6,9 +6,9 @@
 use super::numbers::{self, Coded, History};
 use super::{BLOCK_OBJECTS, cost};
 use crate::value::MAX_TEXT_BYTES;
-use insula_protocol::DecodeError;
 use insula_protocol::codec::byte_reader::ByteReader;
 use insula_protocol::codec::varint::push64;
+use insula_protocol::error::{DecodeError, invalid_if};
 use std::collections::BTreeMap;
 
 /// Maximum bytes of all decoded texts of a block.
@@ -158,9 +158,7 @@ fn decode_front(
         let (Ok(shared), Ok(length)) = (usize::try_from(shared), usize::try_from(length)) else {
             return Err(DecodeError::Invalid("a length is negative"));
         };
-        if shared > text.len() {
-            return Err(DecodeError::Invalid("a text shares more than the text before it has"));
-        }
+        invalid_if(shared > text.len(), "a text shares more than the text before it has")?;
         budget.take(shared.saturating_add(length))?;
         text.truncate(shared);
         text.extend_from_slice(reader.take(length)?);
@@ -279,9 +277,7 @@ fn fill_patterns(
             let value = *values.next().ok_or(INCOMPLETE)?;
             let digits = format!("{value:0width$}", width = run.len());
             // A number that is negative or too long has another length.
-            if value < 0 || digits.len() != run.len() {
-                return Err(DecodeError::Invalid("a number does not fit into its text"));
-            }
+            invalid_if(value < 0 || digits.len() != run.len(), "a number does not fit into its text")?;
             text.replace_range(run.clone(), &digits);
         }
         list.push(&text);

@@ -2,11 +2,11 @@
 //!
 //! Labels change no value and no name: filters, tables and scripts go on with the names of the source.
 
-use super::{FIELD_NAMES, MAX_ATTRIBUTES, MAX_NAME_BYTES, NamedValues, Schema, limit};
+use super::{FIELD_NAMES, MAX_ATTRIBUTES, MAX_NAME_BYTES, NamedValues, Schema};
 use crate::attribute_names::Telling;
 use crate::suggest;
 use crate::value::Value;
-use insula_protocol::DecodeError;
+use insula_protocol::error::{DecodeError, check_limit, invalid_if};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -95,13 +95,11 @@ impl AttributeLabel {
 
     /// Fails if the label breaks a limit. Returns the bytes of its texts.
     fn check(&self) -> Result<usize, DecodeError> {
-        limit("the languages of a title", self.titles.len(), MAX_LANGUAGES)?;
-        if self.titles.keys().any(|code| !is_language(code)) {
-            return Err(DecodeError::Invalid("a title in something that is no language"));
-        }
+        check_limit("the languages of a title", self.titles.len(), MAX_LANGUAGES)?;
+        invalid_if(self.titles.keys().any(|code| !is_language(code)), "a title in something that is no language")?;
         let mut bytes = 0;
         for title in self.title.iter().chain(self.titles.values()) {
-            limit("the bytes of a title", title.len(), MAX_TITLE_BYTES)?;
+            check_limit("the bytes of a title", title.len(), MAX_TITLE_BYTES)?;
             bytes += title.len();
         }
         Ok(bytes)
@@ -110,10 +108,10 @@ impl AttributeLabel {
 
 /// Fails if labels break a limit. Returns the bytes of their texts.
 pub(super) fn check(labels: &BTreeMap<String, AttributeLabel>) -> Result<usize, DecodeError> {
-    limit("the number of labels", labels.len(), MAX_ATTRIBUTES + FIELD_NAMES.len())?;
+    check_limit("the number of labels", labels.len(), MAX_ATTRIBUTES + FIELD_NAMES.len())?;
     let mut bytes = 0;
     for (name, label) in labels {
-        limit("the bytes of an attribute's name", name.len(), MAX_NAME_BYTES)?;
+        check_limit("the bytes of an attribute's name", name.len(), MAX_NAME_BYTES)?;
         bytes += name.len() + label.check()?;
     }
     Ok(bytes)

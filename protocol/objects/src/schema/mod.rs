@@ -9,7 +9,7 @@ mod units;
 
 use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
 pub use builder::SchemaBuilder;
-use insula_protocol::DecodeError;
+use insula_protocol::error::{DecodeError, check_limit, invalid_if};
 pub use labels::{
     AttributeLabel, Labels, MAX_LANGUAGES, MAX_TITLE_BYTES, ShownValue, UnusedLabel, is_language, title_in,
 };
@@ -107,35 +107,31 @@ impl Schema {
 
     /// Fails if the schema breaks a limit of the format. Callers must check a schema that they did not build.
     pub fn check(&self) -> Result<(), DecodeError> {
-        limit("the number of attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
-        limit("the number of searchable attributes", self.searchable.len(), MAX_ATTRIBUTES)?;
+        check_limit("the number of attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
+        check_limit("the number of searchable attributes", self.searchable.len(), MAX_ATTRIBUTES)?;
         let mut total_bytes = labels::check(&self.labels)?;
         let mut names = std::collections::BTreeSet::new();
         for attribute in &self.attributes {
             total_bytes += attribute.check()?;
-            if !names.insert(attribute.name.as_str()) {
-                return Err(DecodeError::Invalid("two attributes have the same name"));
-            }
+            invalid_if(!names.insert(attribute.name.as_str()), "two attributes have the same name")?;
         }
         for name in &self.searchable {
-            limit("the bytes of an attribute's name", name.len(), MAX_NAME_BYTES)?;
+            check_limit("the bytes of an attribute's name", name.len(), MAX_NAME_BYTES)?;
             total_bytes += name.len();
         }
-        limit("the bytes of all names and texts of a schema", total_bytes, MAX_TOTAL_BYTES)
+        check_limit("the bytes of all names and texts of a schema", total_bytes, MAX_TOTAL_BYTES)
     }
 }
 
 impl AttributeInfo {
     /// Fails if the attribute breaks a limit. Returns the bytes of its texts.
     fn check(&self) -> Result<usize, DecodeError> {
-        if self.name.is_empty() {
-            return Err(DecodeError::Invalid("an attribute has no name"));
-        }
+        invalid_if(self.name.is_empty(), "an attribute has no name")?;
         let unit_bytes = self.unit.as_ref().map_or(0, String::len);
-        limit("the bytes of an attribute's name", self.name.len(), MAX_NAME_BYTES)?;
-        limit("the bytes of an attribute's unit", unit_bytes, MAX_NAME_BYTES)?;
-        limit("the number of different values", self.distinct.unwrap_or(0) as usize, MAX_DISTINCT)?;
-        limit("the number of most frequent values", self.top.len(), MAX_TOP)?;
+        check_limit("the bytes of an attribute's name", self.name.len(), MAX_NAME_BYTES)?;
+        check_limit("the bytes of an attribute's unit", unit_bytes, MAX_NAME_BYTES)?;
+        check_limit("the number of different values", self.distinct.unwrap_or(0) as usize, MAX_DISTINCT)?;
+        check_limit("the number of most frequent values", self.top.len(), MAX_TOP)?;
         let range = [self.min, self.max];
         let is_ordered = self.min.zip(self.max).is_none_or(|(min, max)| min <= max);
         if !is_ordered || range.iter().flatten().any(|value| !value.is_finite()) {
@@ -143,16 +139,11 @@ impl AttributeInfo {
         }
         let mut bytes = self.name.len() + unit_bytes;
         for (text, _) in &self.top {
-            limit("the bytes of a text", text.len(), MAX_TEXT_BYTES)?;
+            check_limit("the bytes of a text", text.len(), MAX_TEXT_BYTES)?;
             bytes += text.len();
         }
         Ok(bytes)
     }
-}
-
-/// Fails if `found` is above `limit`.
-fn limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
-    if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
 }
 
 #[cfg(test)]
