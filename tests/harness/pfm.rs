@@ -1,6 +1,6 @@
 //! Images of distances as PFM files: little-endian, rows from the bottom.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::Path;
 
@@ -24,13 +24,10 @@ impl Pfm {
             at = end + 1;
         }
         let (width_px, height_px): (u32, u32) = (words[1].parse()?, words[2].parse()?);
-        if words[0] != "Pf" || words[3].parse::<f32>()? >= 0.0 {
-            bail!("not a little-endian Pf: {words:?}");
-        }
+        ensure!(words[0] == "Pf" && words[3].parse::<f32>()? < 0.0, "not a little-endian Pf: {words:?}");
         let data = &bytes[at..];
-        if data.len() != width_px as usize * height_px as usize * 4 || data.is_empty() {
-            bail!("{} bytes for {width_px} x {height_px}", data.len());
-        }
+        let is_whole = data.len() == width_px as usize * height_px as usize * 4 && !data.is_empty();
+        ensure!(is_whole, "{} bytes for {width_px} x {height_px}", data.len());
         let rows = data.chunks_exact(width_px as usize * 4).rev().flatten().copied().collect::<Vec<u8>>();
         let values = rows.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
         Ok(Self { width_px, height_px, values })

@@ -3,7 +3,7 @@
 //! `cargo run --release -p insula-measure --bin join -- --work DIR` needs three times the size of the tiles on disk. Each process prints its
 //! peak of resident memory.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use insula_bake::{BakeOptions, BakeStage, BakeSteps, Job, JobRequest, Silent, WorkFolder, WorkStore};
 use std::path::{Path, PathBuf};
@@ -91,9 +91,7 @@ fn run(args: &Args, role: &str, count: usize) -> Result<Duration> {
     };
     let children = (0..count).map(start).collect::<io::Result<Vec<_>>>()?;
     for mut child in children {
-        if !child.wait()?.success() {
-            bail!("{role} failed");
-        }
+        ensure!(child.wait()?.success(), "{role} failed");
     }
     Ok(begin.elapsed())
 }

@@ -3,7 +3,7 @@
 //! Replies go to the calls that wait for them, events to the log of the page that they concern.
 
 use super::page_log::PageLog;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, BufReader, Write};
@@ -136,9 +136,7 @@ impl Connection {
         let reply = self.wait(limit, |state| state.replies.remove(&id));
         self.lock().waiting.remove(&id);
         let mut reply = reply.with_context(|| method.to_owned())?;
-        if !reply["error"].is_null() {
-            bail!("{method}: {}", reply["error"]);
-        }
+        ensure!(reply["error"].is_null(), "{method}: {}", reply["error"]);
         Ok(reply["result"].take())
     }
 

@@ -1,7 +1,7 @@
 //! The built programs, run as processes.
 
 use crate::bucket;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
@@ -48,9 +48,7 @@ pub fn call(folder: &Path, name: &str, line: &str) -> Result<String> {
     let mut command = Command::new(program(name)?);
     command.current_dir(folder).args(line.split_whitespace()).env_remove("RUST_LOG");
     let output = run(&mut command)?;
-    if !output.status.success() {
-        bail!("{name} {line}: {}", String::from_utf8_lossy(&output.stderr));
-    }
+    ensure!(output.status.success(), "{name} {line}: {}", String::from_utf8_lossy(&output.stderr));
     Ok(String::from_utf8(output.stdout)?)
 }
 
