@@ -14,6 +14,7 @@ use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, Shape, SourceObject, TriangleMesh, Wrap};
 use insula_source::problems::UNIT_GUESSED;
 use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Layers with more nodes are refused.
 const MAX_NODES: usize = 1 << 24;
@@ -33,8 +34,8 @@ pub(super) struct LayerReader<'r, 'f, 'a> {
     sink: &'r mut dyn ObjectSink,
     place: LayerPlace,
     visited: HashSet<NodeId>,
-    /// Geometries that were read, and how often one was read again.
-    geometries: HashSet<String>,
+    /// Hashes of the paths of geometries, and how often one was read again.
+    geometries: HashSet<u64>,
     repeats: u64,
     meshes: u64,
     faults: u64,
@@ -136,7 +137,9 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
     /// Notes a geometry, which one node has. Fails if too many have that of another.
     fn count_geometry(&mut self, geometry: &GeometrySource) -> Result<(), InputError> {
         let (GeometrySource::Schema { path } | GeometrySource::Defined { folder: path, .. }) = geometry;
-        if !self.geometries.insert(path.clone()) {
+        let mut hasher = DefaultHasher::new();
+        path.hash(&mut hasher);
+        if !self.geometries.insert(hasher.finish()) {
             self.repeats += 1;
         }
         if self.repeats > MAX_REPEATS {

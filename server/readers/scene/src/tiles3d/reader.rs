@@ -14,6 +14,7 @@ use insula_source::json::attributes::flatten;
 use insula_source::object::ObjectSink;
 use insula_source::problems::{TILE_NOT_FETCHED, TILE_NOT_READ, TILE_UNREADABLE};
 use std::collections::{BTreeSet, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::rc::Rc;
 
 /// Tilesets with more tiles are refused.
@@ -100,8 +101,8 @@ pub(super) struct TileReader<'a, 's> {
     /// Names of external tilesets, and of subtrees and contents of implicit tiles.
     seen: HashSet<String>,
     repeats: u64,
-    /// Contents of all tiles, and the bytes of those that were read again.
-    contents_seen: HashSet<String>,
+    /// Hashes of the names of the contents of all tiles, and the bytes of those that were read again.
+    contents_seen: HashSet<u64>,
     repeated_bytes: u64,
     /// Names of the tilesets that are open, from the root.
     open: Vec<String>,
@@ -234,10 +235,13 @@ impl<'a, 's> TileReader<'a, 's> {
 
     /// Notes a content and its bytes. Fails if those that are read again have too many.
     fn count_content(&mut self, name: &str, bytes: u64) -> Result<(), InputError> {
-        if self.contents_seen.contains(name) {
+        let mut hasher = DefaultHasher::new();
+        name.hash(&mut hasher);
+        let hash = hasher.finish();
+        if self.contents_seen.contains(&hash) {
             self.repeated_bytes = self.repeated_bytes.saturating_add(bytes);
         } else if self.contents_seen.len() < MAX_SEEN {
-            self.contents_seen.insert(name.to_owned());
+            self.contents_seen.insert(hash);
         }
         let limit = self.files.input.max_bytes.saturating_mul(REPEATED_SIZES);
         if self.repeated_bytes > limit {
