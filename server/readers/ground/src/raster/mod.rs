@@ -76,7 +76,7 @@ mod point_cloud {
             Err(RasterError::unsupported(insula_source::error::left_out("laz")))
         }
 
-        pub(super) fn warning(&self) -> Option<&'static str> {
+        pub(super) fn warning(&self) -> Option<String> {
             match *self {}
         }
 
@@ -214,7 +214,7 @@ impl Raster {
     /// What is inexact or guessed about the heights.
     pub(crate) fn warning(&self) -> Option<String> {
         match &self.content {
-            Content::PointCloud(cloud) => cloud.warning().map(str::to_owned),
+            Content::PointCloud(cloud) => cloud.warning(),
             Content::Tiff(tiff) => tiff.warning(),
             _ => None,
         }

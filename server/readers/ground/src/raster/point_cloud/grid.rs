@@ -24,6 +24,8 @@ pub(super) struct Grid {
     step: [f64; 2],
     pub(super) step_m: f64,
     pub(super) size: RasterSize,
+    /// Cells are larger than points are apart, because there would be too many.
+    pub(super) is_coarse: bool,
 }
 
 impl Grid {
@@ -36,15 +38,16 @@ impl Grid {
         max_cells: u64,
     ) -> Result<Self, RasterError> {
         let ends = [points.low, points.high].map(|[x, y]| scaling.position([x, y, 0]));
-        let mut steps = sizes_m().skip_while(|step_m| *step_m < distance_m * TOLERANCE);
-        let grid = steps.find_map(|step_m| {
+        let mut steps = sizes_m().skip_while(|step_m| *step_m < distance_m * TOLERANCE).enumerate();
+        let grid = steps.find_map(|(number, step_m)| {
             let step = unit_m.map(|unit_m| step_m / unit_m);
             let first = [0, 1].map(|axis| (ends[0][axis] / step[axis]).floor());
             let [columns, rows] = [0, 1].map(|axis| (ends[1][axis] / step[axis]).floor() - first[axis] + 1.0);
             // Each is at least 1, so that both are small enough for the conversion.
             let fits = columns >= 1.0 && rows >= 1.0 && columns * rows <= max_cells as f64;
             let size = RasterSize { width: columns as u32, height: rows as u32 };
-            (fits && max_cells <= u64::from(u32::MAX)).then_some(Self { first, step, step_m, size })
+            let is_coarse = number > 0;
+            (fits && max_cells <= u64::from(u32::MAX)).then_some(Self { first, step, step_m, size, is_coarse })
         });
         grid.ok_or_else(|| RasterError::damaged("its points are too far apart"))
     }

@@ -49,6 +49,7 @@ const MIN_HOLE_CELLS: f64 = 2.0;
 const MIN_ESTIMATED_STEP_M: f64 = 1.0;
 /// Larger rasters are in a temporary file, since a city can have thousands of clouds.
 const MAX_BYTES_IN_MEMORY: usize = 1 << 24;
+const COARSE: &str = "its cells are larger than its points are apart, as it reaches too far for more: split it";
 const ESTIMATED: &str = "less than 1% of its points are classified as ground: it was estimated from the lowest ones";
 
 /// The ground of a point cloud, which was read whole.
@@ -57,6 +58,7 @@ pub(super) struct PointCloud {
     heights: SpooledTempFile,
     width: u32,
     is_estimated: bool,
+    is_coarse: bool,
 }
 
 pub(super) fn is_point_cloud(start: &[u8]) -> bool {
@@ -86,7 +88,8 @@ impl PointCloud {
         let mut facts = RasterFacts::new(grid.size, SampleKind::F32);
         facts.place = Some(grid.place()?);
         facts.crs = coordinates.crs;
-        Ok((Self { heights: stored(&heights)?, width: grid.size.width, is_estimated }, facts))
+        let (width, is_coarse) = (grid.size.width, grid.is_coarse);
+        Ok((Self { heights: stored(&heights)?, width, is_estimated, is_coarse }, facts))
     }
 
     /// Heights of a window with `len` cells, by row; NaN where there are none.
@@ -103,8 +106,9 @@ impl PointCloud {
     }
 
     /// What a user should know about the heights.
-    pub(super) fn warning(&self) -> Option<&'static str> {
-        self.is_estimated.then_some(ESTIMATED)
+    pub(super) fn warning(&self) -> Option<String> {
+        let warnings = [self.is_estimated.then_some(ESTIMATED), self.is_coarse.then_some(COARSE)];
+        warnings.into_iter().flatten().map(str::to_owned).reduce(|first, second| format!("{first}; {second}"))
     }
 }
 

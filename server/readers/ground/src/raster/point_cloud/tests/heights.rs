@@ -1,9 +1,9 @@
 //! Heights of cells.
 
-use super::super::super::facts::{RasterSize, Window};
+use super::super::super::facts::{RasterLimits, RasterSize, Window};
 use super::super::is_point_cloud;
 use super::file::{TestCloud, TestPoint};
-use super::{assert_heights, heights, open, read};
+use super::{LIMITS, assert_heights, heights, open, open_within, read};
 
 /// A point in the middle of each square metre of a rectangle, by row from the north. Cells are 1 m wide.
 fn lattice(width: u32, height: u32, z_m: impl Fn(u32, u32) -> f64) -> Vec<TestPoint> {
@@ -125,6 +125,15 @@ fn gaps_do_not_make_cells_larger() {
     let (facts, heights) = read(&TestCloud::new(points).bytes());
     assert_eq!(facts.place.unwrap().column[0], 1.0);
     assert_eq!(heights.iter().filter(|height| !height.is_nan()).count(), 7200);
+}
+
+#[test]
+fn cells_that_a_limit_makes_larger_are_told() {
+    let coarse = |max_whole_pixels: u64| {
+        let (cloud, facts) = open_within(&with([]).bytes(), RasterLimits { max_whole_pixels, ..LIMITS }).unwrap();
+        (cloud.warning().is_some_and(|text| text.contains("split it")), facts.size.width)
+    };
+    assert_eq!((coarse(64), coarse(63)), ((false, 8), (true, 4)));
 }
 
 #[test]
