@@ -159,6 +159,20 @@ impl PlacedRaster {
         )
     }
 
+    /// Pixels that a grid over a rectangle reads, and the bytes of the file that has them; `None` without a place, and of formats whose pixels
+    /// take bytes each.
+    pub(super) fn pixels_under(&self, [low, high]: [[f64; 2]; 2], step_m: f64) -> Option<[u64; 2]> {
+        let placed = self.placed.as_ref()?;
+        let raster = self.raster.borrow();
+        let bytes = raster.packed_bytes()?;
+        let size = raster.facts().levels.get(self.level_for(&raster, placed, step_m))?;
+        let share = |axis: usize| {
+            let [from, to] = [placed.bounds[0][axis], placed.bounds[1][axis]];
+            ((to.min(high[axis]) - from.max(low[axis])) / (to - from)).clamp(0.0, 1.0)
+        };
+        Some([(share(0) * share(1) * size.pixels() as f64) as u64, bytes])
+    }
+
     /// Heights of a window; those out of range are missing, and noted.
     fn read_heights(&self, raster: &mut Raster, window: Window, level: usize) -> Result<Vec<f32>, RasterError> {
         let mut heights = raster.read_heights(window, level)?;

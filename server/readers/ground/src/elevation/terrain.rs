@@ -12,6 +12,9 @@ use std::cell::RefCell;
 
 /// More heights make the grid coarser.
 const MAX_HEIGHTS: f64 = 4e8;
+/// Pixels of a small file that are read, and for each byte of a larger one: a file of one height takes next to no bytes.
+const MIN_PIXELS: u64 = 1 << 29;
+const PIXELS_OF_BYTE: u64 = 64;
 /// Steps along the side of a tile, if a raster's pixels are as large as its steps.
 const TILE_STEPS: u32 = 1024;
 const MIN_TILE_STEPS: u32 = 16;
@@ -171,6 +174,20 @@ impl<'e> Region<'e> {
         [x, y, f64::from(height)]
     }
 
+    /// Fails if a model has far more pixels in the region than its file has bytes.
+    fn check_pixels(&self) -> Result<(), InputError> {
+        let high = array::from_fn(|axis| self.corner[axis] + f64::from(self.size[axis]) * self.step_m);
+        for model in &self.elevation.models {
+            let Some([pixels, bytes]) = model.pixels_under([self.corner, high], self.step_m) else { continue };
+            let limit = bytes.saturating_mul(PIXELS_OF_BYTE).max(MIN_PIXELS);
+            if pixels > limit {
+                let what = format!("the number of its pixels under the city, {pixels} in a file of {bytes} bytes,");
+                return Err(InputError::TooLarge { path: model.label.clone(), what, limit });
+            }
+        }
+        Ok(())
+    }
+
     /// Steps along the side of a tile, a power of two. A tile is not wider than a picture of it.
     fn tile_steps(&self, picture_m: f64) -> u32 {
         let pixels_per_step = (self.step_m / self.elevation.step_m()).max(1.0);
@@ -224,6 +241,7 @@ impl Elevation {
         if self.level.as_ref().is_some_and(LevelGround::is_level) {
             return self.make_level_terrain(&region, cell_m, picture_m, ground, add);
         }
+        region.check_pixels()?;
         let tile_steps = region.tile_steps(picture_m);
         let borders = Borders::survey(&region, tile_steps, (options.error_cells * cell_m) as f32)?;
         for tile in borders.tiling().tiles() {
@@ -310,6 +328,51 @@ mod tests {
     use super::*;
     use insula_place::placement::World;
     use insula_source::source::embedded;
+
+    /// A model of 16 bits in tiles that are left out of the file, with pixels of 1 m.
+    fn empty_tiff(side: u32) -> Vec<u8> {
+        let tile = side / 2;
+        let data = 8 + 2 + 12 * 12 + 4;
+        let entries: [(u16, u16, u32, u32); 12] = [
+            (256, 4, 1, side),
+            (257, 4, 1, side),
+            (258, 3, 1, 16),
+            (259, 3, 1, 8),
+            (262, 3, 1, 1),
+            (322, 4, 1, tile),
+            (323, 4, 1, tile),
+            (324, 4, 4, data),
+            (325, 4, 4, data),
+            (339, 3, 1, 2),
+            (33550, 12, 3, data + 16),
+            (33922, 12, 6, data + 40),
+        ];
+        let mut bytes = b"II*\0\x08\0\0\0\x0c\0".to_vec();
+        for (tag, kind, count, value) in entries {
+            bytes.extend([tag, kind].iter().flat_map(|number| number.to_le_bytes()));
+            bytes.extend([count, value].iter().flat_map(|number| number.to_le_bytes()));
+        }
+        bytes.resize(data as usize + 16, 0);
+        let places = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 500_000.0, 5_400_000.0, 0.0_f64];
+        bytes.extend(places.iter().flat_map(|number| number.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn models_of_far_more_pixels_than_bytes_are_refused() {
+        let check = |side: u32, city: Option<[[f64; 2]; 2]>| {
+            let bytes = empty_tiff(side);
+            let mut elevation = Elevation::default();
+            elevation.open(&embedded(&[("dem.tif", &bytes[..])])[0], 0, None).unwrap();
+            elevation.settle(&mut World::new(Some("EPSG:25832"), None).unwrap()).unwrap();
+            Region::new(&elevation, city, 1.0, 500.0).unwrap().check_pixels()
+        };
+        let error = check(32_768, None).unwrap_err().to_string();
+        assert!(error.contains("dem.tif: the number of its pixels under the city, 107374182"), "{error}");
+        assert!(check(16_384, None).is_ok());
+        let city = [[510_000.0, 5_390_000.0], [511_000.0, 5_391_000.0]];
+        assert!(check(32_768, Some(city)).is_ok(), "a part of it");
+    }
 
     #[test]
     fn a_grid_that_the_limit_makes_coarser_is_told() {

@@ -294,6 +294,14 @@ impl Raster {
         Ok(pixels)
     }
 
+    /// Bytes of a file whose pixels may take next to none; `None` of formats in which each takes some, or is read at once.
+    pub(crate) fn packed_bytes(&self) -> Option<u64> {
+        match &self.content {
+            Content::Tiff(tiff) => Some(tiff.file_bytes()),
+            _ => None,
+        }
+    }
+
     /// Whether a TIFF picture is black at one of its corners, as those are that do not say where they have no value.
     pub(crate) fn has_black_corner(&mut self) -> bool {
         let RasterSize { width, height } = self.facts.size;

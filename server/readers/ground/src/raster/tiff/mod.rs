@@ -166,6 +166,11 @@ impl TiffRaster {
         Some(is_alpha && full.is_some())
     }
 
+    /// Bytes of the file, in which pixels may take next to none.
+    pub(super) fn file_bytes(&self) -> u64 {
+        self.chunks.file.source.len()
+    }
+
     /// Leaves out the smaller copies of other sizes.
     pub(super) fn keep_levels(&mut self, sizes: &[RasterSize]) {
         self.levels.retain(|level| sizes.contains(&level.layout.size));
