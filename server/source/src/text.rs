@@ -5,6 +5,8 @@ use super::file_names::east_asian_pages;
 use super::letters::{PageGuess, likely_page};
 use super::packed::unpacked_name;
 use crate::error::InputError;
+use crate::object::ObjectSink;
+use crate::problems::ENCODING_GUESSED;
 use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use std::borrow::Cow;
 use std::io::{self, BufRead, Cursor, Read};
@@ -185,6 +187,18 @@ pub fn decoded<'t>(bytes: &'t [u8], page: CodePage) -> Cow<'t, str> {
         _ if page == CodePage::UTF8 => likely_page(bytes).page.decode(bytes),
         _ => page.decode(bytes),
     }
+}
+
+/// A text of a format that has texts in UTF-8. One that is not is in the code page that is likely, and reported.
+pub fn expected_in_utf8<'t>(bytes: &'t [u8], sink: &mut dyn ObjectSink) -> Cow<'t, str> {
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        return text.into();
+    }
+    let page = likely_encoding(bytes).page;
+    let text = page.decode(bytes);
+    let start: String = text.chars().take(64).collect();
+    sink.problem(ENCODING_GUESSED, format!("texts are not in UTF-8, as the format demands; taken as {page}: {start}"));
+    text
 }
 
 /// A line of a text that does not tell its encoding. Equal bytes give equal letters.

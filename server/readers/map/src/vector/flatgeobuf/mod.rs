@@ -177,7 +177,8 @@ fn read_feature(frame: &[u8], schema: &Schema, number: u64, writer: &mut Feature
     let mut attributes = Attributes::default();
     let own_columns = feature.columns().map(|columns| properties::columns(Some(columns)));
     let bytes = feature.properties().map_or(&[][..], |properties| properties.bytes());
-    if !properties::read(bytes, own_columns.as_deref().unwrap_or(&schema.columns), &mut attributes) {
+    let columns = own_columns.as_deref().unwrap_or(&schema.columns);
+    if !properties::read(bytes, columns, &mut attributes, writer.sink) {
         writer.sink.problem("malformed attributes", name.clone());
     }
     writer.add(Some(name), attributes, geometry_of(&feature, frame, schema))

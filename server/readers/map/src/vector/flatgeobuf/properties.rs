@@ -3,6 +3,8 @@
 use ::flatgeobuf::{Column as ColumnTable, ColumnType};
 use flatbuffers::{ForwardsUOffset, Vector};
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::object::ObjectSink;
+use insula_source::text::expected_in_utf8;
 
 /// Name and type of an attribute.
 pub(super) struct Column {
@@ -17,12 +19,17 @@ pub(super) fn columns<'a>(tables: Option<Vector<'a, ForwardsUOffset<ColumnTable<
 }
 
 /// Reads all attributes. Returns false if the bytes do not fit the columns; those read before are kept.
-pub(crate) fn read(mut bytes: &[u8], columns: &[Column], attributes: &mut Attributes) -> bool {
+pub(crate) fn read(
+    mut bytes: &[u8],
+    columns: &[Column],
+    attributes: &mut Attributes,
+    sink: &mut dyn ObjectSink,
+) -> bool {
     // Some writers leave one byte at the end.
     while bytes.len() > 1 {
         let Some(number) = take::<2>(&mut bytes).map(u16::from_le_bytes) else { return false };
         let Some(column) = columns.get(usize::from(number)) else { return false };
-        match value(column.kind, &mut bytes) {
+        match value(column.kind, &mut bytes, sink) {
             Some(Some(value)) => attributes.push(&column.name, value),
             Some(None) => {}
             None => return false,
@@ -32,7 +39,7 @@ pub(crate) fn read(mut bytes: &[u8], columns: &[Column], attributes: &mut Attrib
 }
 
 /// Takes a value; the inner `None` is a value that is no attribute, the outer one a damaged value.
-fn value(kind: ColumnType, bytes: &mut &[u8]) -> Option<Option<AttributeValue>> {
+fn value(kind: ColumnType, bytes: &mut &[u8], sink: &mut dyn ObjectSink) -> Option<Option<AttributeValue>> {
     use AttributeValue::{Bool, Float, Integer};
     Some(Some(match kind {
         ColumnType::Byte => Integer(i8::from_le_bytes(take(bytes)?).into()),
@@ -47,9 +54,9 @@ fn value(kind: ColumnType, bytes: &mut &[u8]) -> Option<Option<AttributeValue>> 
         ColumnType::Float => AttributeValue::single(f32::from_le_bytes(take(bytes)?)),
         ColumnType::Double => Float(f64::from_le_bytes(take(bytes)?)),
         ColumnType::String | ColumnType::Json | ColumnType::DateTime => {
-            let text = text(bytes)?;
+            let text = expected_in_utf8(text_bytes(bytes)?, sink);
             let date = if kind == ColumnType::DateTime { AttributeValue::date(&text) } else { None };
-            return Some(date.or_else(|| (!text.is_empty()).then_some(AttributeValue::Text(text))));
+            return Some(date.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.into_owned()))));
         }
         ColumnType::Binary => {
             text_bytes(bytes)?;
@@ -70,8 +77,4 @@ fn text_bytes<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
     let (text, rest) = bytes.split_at_checked(length)?;
     *bytes = rest;
     Some(text)
-}
-
-fn text(bytes: &mut &[u8]) -> Option<String> {
-    text_bytes(bytes).map(|text| String::from_utf8_lossy(text).into_owned())
 }

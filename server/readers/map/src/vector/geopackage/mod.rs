@@ -13,6 +13,7 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink};
 use insula_source::problems::UNSAVED;
+use insula_source::text::expected_in_utf8;
 use rusqlite::config::DbConfig;
 use rusqlite::limits::Limit;
 use rusqlite::types::ValueRef;
@@ -193,7 +194,7 @@ impl TableReader<'_> {
             if let ValueRef::Text(text) = value {
                 done.content_bytes += text.len() as u64;
             }
-            if let Some(value) = value_of(value, column) {
+            if let Some(value) = value_of(value, column, writer.sink) {
                 attributes.push(&column.name, value);
             }
         }
@@ -202,13 +203,13 @@ impl TableReader<'_> {
 }
 
 /// The value of a column; `None` for null, an empty text and bytes.
-fn value_of(value: ValueRef<'_>, column: &Column) -> Option<AttributeValue> {
+fn value_of(value: ValueRef<'_>, column: &Column, sink: &mut dyn ObjectSink) -> Option<AttributeValue> {
     match value {
         ValueRef::Integer(number) if column.kind == ColumnType::Bool => Some(AttributeValue::Bool(number != 0)),
         ValueRef::Integer(number) => Some(AttributeValue::Integer(number)),
         ValueRef::Real(number) => Some(AttributeValue::Float(number)),
         ValueRef::Text(text) => {
-            let text = String::from_utf8_lossy(text);
+            let text = expected_in_utf8(text, sink);
             let date = if column.kind == ColumnType::Date { AttributeValue::date(&text) } else { None };
             date.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.into_owned())))
         }

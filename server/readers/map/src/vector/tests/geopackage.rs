@@ -4,7 +4,7 @@ use super::{attack, attributes, polygon_wkb, read, rings, run, square, text};
 use crate::vector::read_geopackage;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Description;
-use insula_source::problems::UNSAVED;
+use insula_source::problems::{ENCODING_GUESSED, UNSAVED};
 use rusqlite::Connection;
 
 const SCHEMA: &str = "
@@ -87,6 +87,19 @@ fn tables_of_features() {
     let problems: Vec<&str> = sink.problems.iter().map(|problem| problem.1.as_str()).collect();
     assert_eq!(problems, ["lost", "photos"]);
     assert_eq!(sink.described[0], (Description::Title, "My pand \"x\"".to_owned()));
+}
+
+#[test]
+fn texts_that_are_not_in_utf8_are_guessed() {
+    let bytes = database(|connection| {
+        add_table(connection, "first", 28992, ", name TEXT");
+        let insert = "INSERT INTO first VALUES (1, ?1, CAST(x'c6e8ebeee920e4eeec20ede020f3ebe8f6e5' AS TEXT))";
+        connection.execute(insert, (blob(&polygon_wkb(&[square(0.0, 0.0, 9.0)], None), None),)).unwrap();
+    });
+    let sink = read(read_geopackage, &[("a.gpkg", &bytes)]);
+    assert_eq!(sink.objects[0].attributes, attributes(&[("name", text("Жилой дом на улице"))]));
+    let [(kind, detail)] = &sink.problems[..] else { panic!("{:?}", sink.problems) };
+    assert!(*kind == ENCODING_GUESSED && detail.contains("windows-1251"), "{detail}");
 }
 
 #[test]
