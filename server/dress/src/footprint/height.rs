@@ -223,7 +223,7 @@ fn of_role<'n>(
 }
 
 /// The first of the values that is a number in the range, with its name. Passes the others to `note`, and that a value has several numbers.
-fn first_in_range<'v>(
+pub(super) fn first_in_range<'v>(
     attributes: &Attributes,
     values: impl Iterator<Item = (&'v str, &'v AttributeValue, f64)>,
     range: RangeInclusive<f64>,
@@ -248,7 +248,7 @@ fn first_in_range<'v>(
 }
 
 /// The text of an attribute with several values that differ: `12;15`, or a list of JSON.
-fn other_value(attributes: &Attributes, name: &str, value: &AttributeValue) -> Option<String> {
+pub(super) fn other_value(attributes: &Attributes, name: &str, value: &AttributeValue) -> Option<String> {
     if let Some(list) = name.strip_suffix(FIRST) {
         let second = attributes.get(&format!("{list}.1")).filter(|second| *second != value)?;
         return Some(format!("{value};{second}"));

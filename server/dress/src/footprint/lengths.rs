@@ -8,7 +8,7 @@ use insula_source::units::{FOOT_M, metres_of};
 
 /// Names, also as Shapefiles cut them.
 pub(super) const ROOF_SHAPE: &[&str] = &["roof:shape", "building:roof:shape"];
-const ROOF_HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heigh"];
+pub(super) const ROOF_HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heigh"];
 /// Valid heights of roofs.
 pub(super) const ROOF_HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
 const INCH_M: f64 = 0.0254;

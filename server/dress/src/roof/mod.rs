@@ -21,6 +21,7 @@ mod tower;
 mod tests;
 
 use insula_source::object::Surface;
+use insula_source::text::values_of;
 use outline::Outline;
 use plan::Plan;
 use profile::Profile;
@@ -112,9 +113,13 @@ pub enum RoofFault {
     Faces,
 }
 
-/// The shape of a name in OpenStreetMap's and Overture's terms; `None` if it is not known. Case, spaces, hyphens and
-/// underscores do not matter.
-pub fn roof_shape_by_name(name: &str) -> Option<RoofShape> {
+/// The shape of a name in OpenStreetMap's and Overture's terms, of several the first that is known; `None` if none is. Case, spaces,
+/// hyphens and underscores do not matter.
+pub fn roof_shape_by_name(names: &str) -> Option<RoofShape> {
+    values_of(names).find_map(shape_by_name)
+}
+
+fn shape_by_name(name: &str) -> Option<RoofShape> {
     let letters: String = name.chars().filter(char::is_ascii_alphabetic).map(|c| c.to_ascii_lowercase()).collect();
     Some(match letters.as_str() {
         "flat" => RoofShape::Flat,

@@ -203,8 +203,8 @@ impl<'o> SceneSink<'_, 'o, '_> {
         if is_told {
             self.told_heights.add(id, height.top_m);
         }
-        let roof = RoofTags::of(attributes, hints, |name| {
-            report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
+        let roof = RoofTags::of(attributes, hints, |kind, detail| {
+            report.problem(kind, || format!("{id}: {detail}"));
         });
         let look = BuildingLook::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::default());
         let colours = building_colours(attributes, &options.palette, &look, |detail| {

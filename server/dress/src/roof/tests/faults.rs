@@ -13,6 +13,7 @@ fn names_are_those_of_openstreetmap_and_overture() {
         ("lean_to", Some(RoofShape::Skillion)),
         ("shed", Some(RoofShape::Skillion)),
         ("flat", Some(RoofShape::Flat)),
+        ("many;hipped;gabled", Some(RoofShape::Hipped)),
         ("many", None),
         ("sawtooth", None),
         ("", None),
