@@ -3,16 +3,16 @@
 use crate::palette::{BuildingLook, Palette, SurfaceFacts, parse_colour};
 use insula_source::attributes::Attributes;
 use insula_source::report::ColourOrigin;
-use insula_source::text::first_value;
+use insula_source::text::{first_value, values_of};
 
 const ROOF: &[&str] = &["roof:colour", "roof:color", "roof_color"];
 const WALL: &[&str] = &["building:colour", "building:color", "colour", "color", "facade_color"];
 /// Names of the building's use, the most telling first.
 const USE: &[&str] = &["building:use", "building", "usage", "function", "class", "subtype"];
 
-/// What follows from the building's use, as far as the attributes tell.
+/// What follows from the building's use, as far as the attributes tell. Of several uses in one value, the first that is known counts.
 pub fn by_use<T>(attributes: &Attributes, of_use: fn(&str) -> Option<T>) -> Option<T> {
-    USE.iter().find_map(|name| of_use(attributes.named(name)?.as_str()?))
+    USE.iter().find_map(|name| values_of(attributes.named(name)?.as_str()?).find_map(of_use))
 }
 
 /// A colour with where it comes from, and whether the surface is water or glass.
