@@ -1,7 +1,9 @@
 //! Where a mesh file stands that has no coordinate system: `--at`, or a file beside it.
 //!
-//! `statue.glb.place.json` places `statue.glb`: `{"lon": 11.575, "lat": 48.137, "height": 519, "heading": 30, "scale": 0.01}`.
+//! `statue.glb.place.json` places `statue.glb`: `{"lon": 11.575, "lat": 48.137, "height": 519, "heading": 30, "scale": 0.01}`. Programs for
+//! photogrammetry write `metadata.xml`, with a coordinate system and the place of the origin of all meshes in it.
 
+use crate::crs::{System, resolve};
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
 use insula_source::remote::is_address;
@@ -11,6 +13,9 @@ use std::io::ErrorKind;
 
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 64 << 10;
+/// In the folder of a mesh, or in one above.
+const METADATA_FILE: &str = "metadata.xml";
+const FOLDERS_ABOVE: usize = 3;
 
 /// Turn and size of a mesh before it is placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,21 +26,24 @@ pub struct LocalFrame {
     scale: f64,
     /// Whether y points up in the file, and z south.
     is_y_up: bool,
+    /// The place of the mesh's origin in its coordinate system.
+    origin: [f64; 3],
 }
 
 impl LocalFrame {
     /// Positions as they are.
-    pub const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0, is_y_up: false };
+    pub const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0, is_y_up: false, origin: [0.0; 3] };
 
     /// The frame of a file in which y points up.
     pub fn with_y_up(self) -> Self {
         Self { is_y_up: true, ..self }
     }
 
-    /// Metres east, north and up of the mesh's origin.
+    /// The position in the system that places the mesh: metres east, north and up of its origin, or coordinates of a map.
     pub fn apply(self, position: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = if self.is_y_up { [position[0], -position[2], position[1]] } else { position };
-        [x * self.cos + y * self.sin, y * self.cos - x * self.sin, z * self.scale]
+        let [east, north, up] = self.origin;
+        [east + x * self.cos + y * self.sin, north + y * self.cos - x * self.sin, up + z * self.scale]
     }
 }
 
@@ -57,8 +65,54 @@ fn one() -> f64 {
     1.0
 }
 
-/// Coordinate system and frame of a mesh file: those of the file beside it, else `at`, else none. Fails if the file beside it
-/// is invalid.
+/// What `metadata.xml` tells of meshes.
+struct ModelMetadata {
+    /// Name of a coordinate system.
+    system: String,
+    /// Place of their origin in it.
+    origin: [f64; 3],
+}
+
+impl ModelMetadata {
+    /// Of the nearest file; `None` if there is none, or it is of something else.
+    fn of(source: &CitySource<'_>) -> Option<Self> {
+        let ends = source.name.rmatch_indices('/').map(|(end, _)| end + 1).chain([0]);
+        ends.take(1 + FOLDERS_ABOVE).find_map(|end| {
+            let name = format!("{}{METADATA_FILE}", source.name.get(..end)?);
+            let bytes = read_sibling(&*source.files, &name, MAX_FILE_BYTES).ok()?;
+            Self::parse(&String::from_utf8_lossy(&bytes))
+        })
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let inner = |tag: &str| {
+            let (_, rest) = text.split_once(&format!("<{tag}>"))?;
+            Some(rest.split_once(&format!("</{tag}>"))?.0.trim())
+        };
+        let system = inner("SRS")?.replace("&quot;", "\"").replace("&apos;", "'").replace("&amp;", "&");
+        let numbers = inner("SRSOrigin")?.split(',').map(|number| number.trim().parse::<f64>().ok());
+        let origin: [f64; 3] = numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
+        origin.iter().all(|number| number.is_finite()).then_some(Self { system, origin })
+    }
+
+    /// `None` if the system is not known, or not that of a map: heights of others may be of any kind.
+    fn place(self) -> Option<(CrsReference, LocalFrame)> {
+        let is_map = matches!(resolve(&self.system).ok()?.horizontal.system, System::Projected(_));
+        let frame = LocalFrame { origin: self.origin, ..LocalFrame::IDENTITY };
+        is_map.then(|| (CrsReference::east_first(self.system), frame))
+    }
+}
+
+/// What to tell of a mesh without a place that has one by `metadata.xml` in a system that is not understood.
+pub fn unread_place(source: &CitySource<'_>) -> Option<String> {
+    let ModelMetadata { system, origin: [x, y, z] } = ModelMetadata::of(source)?;
+    Some(format!(
+        "{METADATA_FILE} places its origin at {x}, {y}, {z} of {system}, which is not read; give --at LON,LAT,H"
+    ))
+}
+
+/// Coordinate system and frame of a mesh file: those of the file beside it, else `at`, else those of `metadata.xml`, else none. Fails if the
+/// file beside it is invalid.
 pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(CrsReference, LocalFrame)>, InputError> {
     let name = format!("{}{PLACE_FILE}", source.name);
     let label = format!("{}{PLACE_FILE}", source.label);
@@ -69,7 +123,8 @@ pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(Crs
             if error.kind() == ErrorKind::NotFound
                 || error.kind() == ErrorKind::PermissionDenied && is_address(&source.label) =>
         {
-            return Ok(at.map(|at| (reference(at), LocalFrame::IDENTITY)));
+            let at = at.map(|at| (reference(at), LocalFrame::IDENTITY));
+            return Ok(at.or_else(|| ModelMetadata::of(source)?.place()));
         }
         Err(error) => return Err(InputError::io(&label, error)),
     };
@@ -81,7 +136,8 @@ pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(Crs
         return Err(InputError::unsupported(&label, "its numbers are out of range"));
     }
     let (sin, cos) = libm::sincos(heading.to_radians());
-    Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale, is_y_up: false })))
+    let frame = LocalFrame { cos: cos * scale, sin: sin * scale, scale, ..LocalFrame::IDENTITY };
+    Ok(Some((reference([lon, lat, height]), frame)))
 }
 
 /// Coordinate system and frame of a mesh by longitude, latitude and height of its origin, and by how much it is turned clockwise.
@@ -114,6 +170,33 @@ mod tests {
         let (reference, frame) = find(&sources[1], Some([1.0, 2.0, 3.0])).unwrap().unwrap();
         assert_eq!((reference.name.as_str(), frame), ("ENU:1,2,3", LocalFrame::IDENTITY));
         assert_eq!(find(&sources[1], None).unwrap(), None);
+    }
+
+    #[test]
+    fn metadata_of_photogrammetry_places_meshes() {
+        let of = |srs: &str| {
+            let origin = "<SRSOrigin>566000, 5932000,-1.5</SRSOrigin>";
+            format!("<ModelMetadata version=\"1\">\n<SRS>{srs}</SRS>\n{origin}</ModelMetadata>")
+        };
+        let placed = |srs: &str, at: Option<[f64; 3]>| {
+            let metadata = of(srs);
+            let files: [(&str, &[u8]); 2] =
+                [("out/Data/Tile_1/Tile_1.obj", b""), ("out/metadata.xml", metadata.as_bytes())];
+            let sources = embedded(&files);
+            let mesh = sources.iter().find(|source| source.name.ends_with(".obj")).unwrap();
+            (find(mesh, at).unwrap(), unread_place(mesh))
+        };
+        let (found, _) = placed("EPSG:25832", None);
+        let (reference, frame) = found.unwrap();
+        assert_eq!(
+            (reference.name.as_str(), frame.apply([1.0, 2.0, 3.0])),
+            ("EPSG:25832", [566_001.0, 5_932_002.0, 1.5])
+        );
+        let (found, unread) = placed("ENU:53.5,9.9", None);
+        assert!(found.is_none() && unread.is_some_and(|text| text.contains("566000, 5932000, -1.5 of ENU:53.5,9.9")));
+        let (found, _) = placed("EPSG:25832", Some([1.0, 2.0, 3.0]));
+        assert_eq!(found.unwrap().0.name, "ENU:1,2,3");
+        assert!(ModelMetadata::parse("<gmd:MD_Metadata/>").is_none());
     }
 
     #[test]

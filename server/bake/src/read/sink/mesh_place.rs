@@ -29,7 +29,7 @@ impl ReadContext<'_> {
         match found {
             Some((reference, frame)) => {
                 let mut placement = self.world.place(&source.label, &reference)?;
-                self.settle(&mut placement, &source.label, [0.0; 3])?;
+                self.settle(&mut placement, &source.label, frame.apply([0.0; 3]))?;
                 Ok((placement, frame))
             }
             None => Ok((Placement::Unknown, LocalFrame::IDENTITY)),
@@ -77,8 +77,13 @@ impl SceneSink<'_, '_, '_> {
         }
     }
 
-    /// Reports a mesh that was taken to be in metres although it looks like one in degrees.
-    pub(super) fn report_mesh_in_degrees(&mut self) {
+    /// Reports a mesh without a place that has one which is not read, or was taken to be in metres although it looks like one in degrees.
+    pub(super) fn report_unplaced_mesh(&mut self) {
+        if self.unplaced_mesh.is_some()
+            && let Some(text) = local_frame::unread_place(self.source)
+        {
+            self.report.problem(NO_CRS, || text);
+        }
         let extent = self.unplaced_mesh.and_then(|mesh| mesh.extent);
         if let Some(extent) = extent.filter(MeshExtent::looks_like_degrees) {
             let advice = "reproject the mesh to a system in metres";

@@ -161,7 +161,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     }
 
     pub(crate) fn into_report(mut self) -> SourceReport {
-        self.report_mesh_in_degrees();
+        self.report_unplaced_mesh();
         if let Some(shape) = &self.mesh_shape {
             shape.note_in(self.context.is_y_up(), &mut self.report);
         }
