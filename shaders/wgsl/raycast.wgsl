@@ -158,7 +158,7 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
 
 fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     let length_squared = dot(hit.normal, hit.normal);
-    let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
+    var normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
     var lit = Radiance();
     var share = 0.0;
     if is_bare(hit.albedo) {
@@ -170,6 +170,7 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     if has_stone(hit) {
         lit = light_of_stone(hit, normal, dir);
     } else {
+        normal = lit_normal(hit.albedo, normal);
         lit = shade(with_sea_albedo(hit.albedo, normal.z, hit.flags), hit.ao, normal, hit.flags, hit.level);
     }
     if !FOR_STUDY || frame.shading == SHADING_LIT {

@@ -43,6 +43,17 @@ fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Ra
     }
 }
 
+// The normal by which a surface with this albedo is lit: bare ground has less of a slope.
+fn lit_normal(albedo: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    if frame.light.grade.x <= 0.0 || normal.z < BARE_NORMAL_Z || !is_bare(albedo)
+        || (FOR_STUDY && frame.shading != SHADING_LIT) {
+        return normal;
+    }
+    let kept = max(1.0 - LEVEL_SLOPE * normal.z / max(length(normal.xy), 1e-6), 0.0);
+    let lit = vec3<f32>(normal.xy * kept, normal.z);
+    return lit / length(lit);
+}
+
 // Light that a surface reflects.
 fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
     let up = frame.light.sky_up.rgb;

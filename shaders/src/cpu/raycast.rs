@@ -12,8 +12,8 @@ use super::ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M};
 pub use super::ray::{RayCounts, SceneRef};
 use super::sea::{sea_share, with_sea_albedo};
 use super::shade::{
-    Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, mirrored, sea,
-    shade,
+    Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, lit_normal,
+    mirrored, sea, shade,
 };
 use super::stone::{StoneSurface, stone_surface};
 use super::translucency::{MapAxes, gathered, map_of};
@@ -310,8 +310,10 @@ pub(super) fn radiance_with(
     if share >= 1.0 {
         return sea(frame, (dir, airlight), distance_m);
     }
+    let stone = stone_numbered(frame, hit.stone);
+    let normal = if stone.is_none() { lit_normal(frame, albedo, normal) } else { normal };
     let surface = SurfaceSample { albedo: with_sea_albedo(frame, albedo, normal, flags), ao, normal, flags, level };
-    let mut light = match stone_numbered(frame, hit.stone) {
+    let mut light = match stone {
         Some(stone) => light_of_stone(scene, hit, &surface, dir, &evaluate(stone, &surface)),
         None => shade(frame, &surface),
     };

@@ -22,6 +22,11 @@ pub(crate) const SEA_TOLERANCE: f32 = 0.05;
 /// Steeper mirrors are no water, but panes.
 pub(crate) const WATER_NORMAL_Z: f32 = 0.5;
 
+/// Whether a surface can be generated ground.
+pub(super) fn is_bare(frame: &FrameUniform, albedo: Vec3) -> bool {
+    (albedo - rgb(frame.light.plane)).abs().max_element() <= BARE_TOLERANCE
+}
+
 /// The albedo of a surface with this `normal` and these flags: that of the sea, if it is a part of it.
 pub(super) fn with_sea_albedo(frame: &FrameUniform, albedo: Vec3, normal: Vec3, flags: u32) -> Vec3 {
     let is_water = flags & u32::from(flag::REFLECTIVE) != 0 && normal.z > WATER_NORMAL_Z;
@@ -37,11 +42,8 @@ pub(super) fn sea_share(frame: &FrameUniform, surface: Option<(Vec3, Vec3)>, pla
     if frame.sea_albedo[3] == 0.0 || frame.shading != Shading::Lit as u32 {
         return 0.0;
     }
-    if let Some((albedo, _)) = surface {
-        let difference = (albedo - rgb(frame.light.plane)).abs().max_element();
-        if difference > BARE_TOLERANCE {
-            return 0.0;
-        }
+    if surface.is_some_and(|(albedo, _)| !is_bare(frame, albedo)) {
+        return 0.0;
     }
     let is_level = surface.is_none_or(|(_, normal)| normal.z >= BARE_NORMAL_Z);
     let (low, high) = (Vec4::from(frame.shore).xy(), Vec4::from(frame.shore).zw());

@@ -5,7 +5,7 @@
 use super::fast_math::exp;
 use super::night::{BAYS_PER_M, moon, stars};
 use super::noise::fbm;
-use super::sea::{SEA_FADE, sea_share};
+use super::sea::{BARE_NORMAL_Z, SEA_FADE, is_bare, sea_share};
 pub use super::surface::SurfaceSample;
 use super::surface::rgb;
 use crate::atmosphere::{MIE_G, PHASE_SCALE};
@@ -58,6 +58,9 @@ pub(crate) const WAVES_END_M: f32 = 3000.0;
 /// Angles in radians by which waves and panes spread the sun's reflection.
 pub(crate) const WAVES: f32 = 0.07;
 pub(crate) const PANES: f32 = 0.03;
+/// Rise per metre up to which generated ground counts as level. Its corners lie at least eight cells apart, follow the feet of walls
+/// within 0.4 m and are rounded to quarters of a cell: 0.65 m on 8 m, with cells of 1 m. A low sun would show each such triangle.
+pub(crate) const LEVEL_SLOPE: f32 = 0.08;
 /// Colours of [`Shading::Kind`].
 pub(crate) const TINT_ROOF: Vec3 = Vec3::new(0.55, 0.55, 0.55);
 pub(crate) const TINT_MESH: Vec3 = Vec3::new(0.50, 0.30, 0.80);
@@ -98,6 +101,19 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
         s if s == Shading::Kind as u32 => Radiance::unlit(debug(kind_tint(surface.flags))),
         _ => reflected(frame, albedo, n, ao),
     }
+}
+
+/// The unit normal by which a surface with this albedo is lit. In graded pictures bare ground has [`LEVEL_SLOPE`] less of a slope, at
+/// least none, so that what is level has no facets, and what is steeper no border.
+pub(super) fn lit_normal(frame: &FrameUniform, albedo: Vec3, normal: Vec3) -> Vec3 {
+    let is_graded = frame.light.grade[0] > 0.0 && frame.shading == Shading::Lit as u32;
+    if !is_graded || normal.z < BARE_NORMAL_Z || !is_bare(frame, albedo) {
+        return normal;
+    }
+    let flat = normal.xy();
+    let kept = (1.0 - LEVEL_SLOPE * normal.z / flat.length().max(1e-6)).max(0.0);
+    let lit = (flat * kept).extend(normal.z);
+    lit / lit.length()
 }
 
 /// Light that a surface reflects.
@@ -363,4 +379,29 @@ fn phase(frame: &FrameUniform, dir: Vec3) -> f32 {
 /// Squared distance from the sun on the unit sphere: precise where a cosine is not.
 fn from_sun(frame: &FrameUniform, dir: Vec3) -> f32 {
     (dir - Vec3::from(frame.sun)).length_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn bare_ground_within_rounding_is_level_and_nothing_else_is() {
+        let plane = Vec3::new(0.515, 0.521, 0.491);
+        let mut frame = FrameUniform { shading: Shading::Lit as u32, ..FrameUniform::zeroed() };
+        frame.light.plane = plane.extend(0.0).to_array();
+        let sloping = |slope: f32| Vec3::new(-slope, 0.0, 1.0).normalize_or(Vec3::Z);
+        // Measured light keeps its normals.
+        assert_eq!(lit_normal(&frame, plane, sloping(0.05)), sloping(0.05));
+        frame.light.grade[0] = 1.0;
+        for slope in [0.0, 0.05, LEVEL_SLOPE] {
+            assert!((lit_normal(&frame, plane, sloping(slope)) - Vec3::Z).length() < 1e-4, "{slope}");
+        }
+        let steep = lit_normal(&frame, plane, sloping(0.5));
+        assert!((steep - sloping(0.5 - LEVEL_SLOPE)).length() < 1e-5, "{steep}");
+        // A roof of the ground's colour, and a meadow.
+        assert_eq!(lit_normal(&frame, plane, sloping(1.2)), sloping(1.2));
+        assert_eq!(lit_normal(&frame, Vec3::new(0.3, 0.5, 0.2), sloping(0.05)), sloping(0.05));
+    }
 }

@@ -5,8 +5,9 @@
 use super::hits::Hits;
 use super::lanes::{F, FastExtremes, U, Vec3s, always, float_u, splat, to_u};
 use crate::cpu::fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN};
+use crate::cpu::sea::{BARE_NORMAL_Z, BARE_TOLERANCE};
 use crate::cpu::shade::{
-    FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
+    FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, LEVEL_SLOPE, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
 };
 use crate::layout::FrameUniform;
 use fearless_simd::prelude::*;
@@ -74,6 +75,25 @@ pub(super) fn normalize_or<S: Simd>(simd: S, v: Vec3s<S>, fallback: Vec3s<S>) ->
     let recip = splat(simd, 1.0) / v.dot(v).sqrt();
     let is_some = recip.simd_lt(splat(simd, f32::INFINITY)) & recip.simd_gt(splat(simd, 0.0));
     Vec3s::select(is_some, v.scale(recip), fallback)
+}
+
+/// [`lit_normal`](crate::cpu::shade::lit_normal) of surfaces with unit normals `n`.
+#[inline(always)]
+pub(super) fn lit_normals<S: Simd>(simd: S, frame: &FrameUniform, albedo: Vec3s<S>, n: Vec3s<S>) -> Vec3s<S> {
+    if frame.light.grade[0] <= 0.0 {
+        return n;
+    }
+    let near = always(
+        #[inline(always)]
+        |v: F<S>, of: f32| (v - of).abs().simd_le(splat(simd, BARE_TOLERANCE)),
+    );
+    let [r, g, b, _] = frame.light.plane;
+    let is_bare = near(albedo.x, r) & near(albedo.y, g) & near(albedo.z, b);
+    let is_ground = is_bare & n.z.simd_ge(splat(simd, BARE_NORMAL_Z));
+    let flat = (n.x * n.x + n.y * n.y).sqrt().fast_max(splat(simd, 1e-6));
+    let kept = (splat(simd, 1.0) - n.z * LEVEL_SLOPE / flat).fast_max(splat(simd, 0.0));
+    let lit = Vec3s::<S> { x: n.x * kept, y: n.y * kept, z: n.z };
+    Vec3s::select(is_ground, lit.scale(splat(simd, 1.0) / lit.dot(lit).sqrt()), n)
 }
 
 /// Light that the surfaces reflect, with unit normals `n`.

@@ -5,7 +5,7 @@ use super::grid_walk::walk_grid;
 use super::hits::{Hits, Segments};
 use super::lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u};
 use super::mesh::walk_meshes;
-use super::shade::{Radiances, apply_haze, linear_of, reflected, unit_normal};
+use super::shade::{Radiances, apply_haze, linear_of, lit_normals, reflected, unit_normal};
 use super::sky::{background, ground_distance};
 use super::stone::stones_of;
 use crate::cpu::night::lamp_light;
@@ -159,7 +159,7 @@ fn radiances<S: Simd>(
     }
     let plain = lanes & !special;
     if (plain & hits.is_hit).any_true() {
-        let normal = unit_normal(simd, hits.normal, dir);
+        let normal = lit_normals(simd, frame, hits.albedo, unit_normal(simd, hits.normal, dir));
         let mut surfaces = reflected(simd, frame, hits, normal);
         if frame.light.street[3] > 0.0 {
             for lane in lanes_of::<S>(plain & hits.is_hit) {
