@@ -1,6 +1,6 @@
 //! Draws the ray-caster's pixels on a render target.
 
-use super::{DeviceQueue, Raycaster, buffer, shader_module};
+use super::{DeviceQueue, Raycaster, bind_group, buffer, compute_pipeline, shader_module};
 use crate::layout::{ComposeUniform, WORKGROUP, binding};
 use bytemuck::Zeroable;
 use wgpu::util::DeviceExt;
@@ -43,16 +43,7 @@ impl Compose {
             multiview_mask: None,
             cache: None,
         });
-        let compute = |name: &'static str, source: String| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
-                layout: None,
-                module: &shader_module(device, name, source),
-                entry_point: Some(name),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        };
+        let compute = |name: &str, source: String| compute_pipeline(device, &shader_module(device, name, source), name);
         let meter = compute("meter", crate::wgsl::meter());
         let contact = compute("contact", crate::wgsl::contact());
         let settings = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -82,13 +73,18 @@ impl Compose {
             self.shade = buffer(device, "shade", bytes, wgpu::BufferUsages::STORAGE);
         }
         let meter = [
+            (binding::COMPOSE_SETTINGS, &self.settings),
             (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
             (binding::COMPOSE_EXPOSURE, &self.exposure),
             (binding::COMPOSE_HIT, raycaster.hit_buffer()),
         ];
-        let meter = self.bind_group(device, &self.meter.get_bind_group_layout(0), &meter);
-        let contact = [(binding::COMPOSE_DISTANCE, raycaster.distance_buffer()), (binding::COMPOSE_SHADE, &self.shade)];
-        let contact = self.bind_group(device, &self.contact.get_bind_group_layout(0), &contact);
+        let meter = bind_group(device, "meter", &self.meter.get_bind_group_layout(0), &meter);
+        let contact = [
+            (binding::COMPOSE_SETTINGS, &self.settings),
+            (binding::COMPOSE_DISTANCE, raycaster.distance_buffer()),
+            (binding::COMPOSE_SHADE, &self.shade),
+        ];
+        let contact = bind_group(device, "contact", &self.contact.get_bind_group_layout(0), &contact);
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("measure"), timestamp_writes: None });
         pass.set_pipeline(&self.meter);
@@ -105,28 +101,15 @@ impl Compose {
     /// [`Compose::measure`].
     pub fn draw(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, raycaster: &Raycaster) {
         let inputs = [
+            (binding::COMPOSE_SETTINGS, &self.settings),
             (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
             (binding::COMPOSE_EXPOSURE, &self.exposure),
             (binding::COMPOSE_DISTANCE, raycaster.distance_buffer()),
             (binding::COMPOSE_SHADE, &self.shade),
         ];
-        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), &inputs);
+        let bind_group = bind_group(device, "compose", &self.pipeline.get_bind_group_layout(0), &inputs);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.draw(0..3, 0..1);
-    }
-
-    /// The settings and `more`.
-    fn bind_group(
-        &self,
-        device: &wgpu::Device,
-        layout: &wgpu::BindGroupLayout,
-        more: &[(u32, &wgpu::Buffer)],
-    ) -> wgpu::BindGroup {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = std::iter::once(&(binding::COMPOSE_SETTINGS, &self.settings))
-            .chain(more)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("compose"), layout, entries: &entries })
     }
 }

@@ -1,7 +1,7 @@
 //! Counts the pixels of each node on a device, and reads them back without waiting. CPU twin:
 //! [`crate::cpu::hit_counts`].
 
-use super::{DeviceQueue, Raycaster, buffer, shader_module, words_of};
+use super::{DeviceQueue, Raycaster, bind_group, buffer, compute_pipeline, shader_module, words_of};
 use crate::layout::{HIT_BLOCK_PX, HIT_COUNTS_THREADS, binding};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
@@ -27,17 +27,9 @@ impl HitCounts {
     pub fn new(device: &wgpu::Device, nodes: u32) -> Self {
         use wgpu::BufferUsages as Usage;
         let module = shader_module(device, "hit counts", crate::wgsl::hit_counts());
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("hit counts"),
-            layout: None,
-            module: &module,
-            entry_point: Some("hit_counts"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
         let bytes = u64::from(nodes.max(1)) * 4;
         Self {
-            pipeline,
+            pipeline: compute_pipeline(device, &module, "hit_counts"),
             size: buffer(device, "hit counts size", 8, Usage::UNIFORM),
             pixels: buffer(device, "hit counts", bytes, Usage::STORAGE | Usage::COPY_SRC),
             staging: buffer(device, "hit counts read back", bytes, Usage::MAP_READ),
@@ -62,17 +54,12 @@ impl HitCounts {
         let [width, height] = raycaster.size_px();
         queue.write_buffer(&self.size, 0, bytemuck::cast_slice(&[width, height]));
         encoder.clear_buffer(&self.pixels, 0, Some(bytes));
-        let entries = [
+        let buffers = [
             (binding::COUNTS_SIZE, &self.size),
             (binding::COUNTS_HIT, raycaster.hit_buffer()),
             (binding::COUNTS, &self.pixels),
-        ]
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
-        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("hit counts"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+        ];
+        let bind_group = bind_group(device, "hit counts", &self.pipeline.get_bind_group_layout(0), &buffers);
         let descriptor = wgpu::ComputePassDescriptor { label: Some("hit counts"), timestamp_writes: None };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         pass.set_pipeline(&self.pipeline);

@@ -1,6 +1,6 @@
 //! Maps of the nearest triangle, rendered on a GPU for the bake's visibility.
 
-use super::{GpuError, OpenDevice, read_words, shader_module};
+use super::{GpuError, OpenDevice, buffer, read_words, shader_module, target};
 use crate::layout::binding;
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
@@ -61,19 +61,15 @@ impl Nearest {
             contents: bytemuck::cast_slice(&corners),
             usage: wgpu::BufferUsages::VERTEX,
         });
-        let numbers = self.texture(NUMBERS, size, wgpu::TextureUsages::COPY_SRC);
-        let depths = self.texture(DEPTHS, size, wgpu::TextureUsages::empty());
+        let numbers = target(&self.device, NUMBERS, size, wgpu::TextureUsages::COPY_SRC);
+        let depths = target(&self.device, DEPTHS, size, wgpu::TextureUsages::empty());
         let mut encoder =
             self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("nearest") });
         self.encode(&mut encoder, &vertices, &numbers, &depths, corners.len() as u32);
         // Rows of a copy are padded to 256 bytes.
         let row_words = size[0].next_multiple_of(64);
-        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("numbers"),
-            size: u64::from(row_words) * u64::from(size[1]) * 4,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
+        let bytes = u64::from(row_words) * u64::from(size[1]) * 4;
+        let copy = buffer(&self.device, "numbers", bytes, wgpu::BufferUsages::COPY_SRC);
         let layout = wgpu::TexelCopyBufferLayout {
             offset: 0,
             bytes_per_row: Some(row_words * 4),
@@ -87,19 +83,6 @@ impl Nearest {
         self.queue.submit([encoder.finish()]);
         let words = read_words(&self.device, &self.queue, &copy)?;
         Ok(words.chunks_exact(row_words as usize).flat_map(|row| &row[..size[0] as usize]).copied().collect())
-    }
-
-    fn texture(&self, format: wgpu::TextureFormat, size: [u32; 2], more: wgpu::TextureUsages) -> wgpu::Texture {
-        self.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("map"),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | more,
-            view_formats: &[],
-        })
     }
 
     fn encode(

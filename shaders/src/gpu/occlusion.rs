@@ -1,6 +1,6 @@
 //! Depth maps of a mesh, and the test of its vertices, which stay on the device until all directions are summed.
 
-use super::{GpuError, OpenDevice, buffer, read_words, shader_module};
+use super::{GpuError, OpenDevice, bind_group, buffer, compute_pipeline, read_words, shader_module, target};
 use crate::layout::{OCCLUSION_THREADS, OcclusionUniform, binding};
 use wgpu::util::DeviceExt;
 
@@ -65,30 +65,14 @@ impl OcclusionMaps {
         let vertices = scene.normals.len() as u32;
         let sum_bytes = u64::from(vertices) * u64::from(scene.sum_words) * 4;
         let map = |_| {
-            let texture = device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("depths"),
-                size: wgpu::Extent3d { width: scene.size_px, height: scene.size_px, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: DEPTHS,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            });
+            let texture = target(device, DEPTHS, [scene.size_px; 2], wgpu::TextureUsages::TEXTURE_BINDING);
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
         let module = shader_module(device, "occlusion", crate::wgsl::occlusion());
         Self {
             near: depth_pipeline(device, &module, wgpu::CompareFunction::Greater),
             far: depth_pipeline(device, &module, wgpu::CompareFunction::Less),
-            test: device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("occlusion"),
-                layout: None,
-                module: &module,
-                entry_point: Some("accumulate"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            }),
+            test: compute_pipeline(device, &module, "accumulate"),
             views: [(); 2].map(map),
             uniform: buffer(device, "view", size_of::<OcclusionUniform>() as u64, Usage::UNIFORM),
             places: filled("places", bytemuck::cast_slice(scene.places), Usage::VERTEX | Usage::STORAGE),
@@ -146,11 +130,8 @@ impl OcclusionMaps {
         view: &wgpu::TextureView,
         empty: f32,
     ) {
-        let bind_group = self.on.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("depths"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &[entry(binding::OCCLUSION_VIEW, &self.uniform)],
-        });
+        let uniform = [(binding::OCCLUSION_VIEW, &self.uniform)];
+        let bind_group = bind_group(&self.on.device, "depths", &pipeline.get_bind_group_layout(0), &uniform);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("depths"),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {

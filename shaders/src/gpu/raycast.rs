@@ -2,7 +2,7 @@
 
 #[cfg(not(target_arch = "wasm32"))]
 use super::read_words;
-use super::{DeviceQueue, GpuError, buffer};
+use super::{DeviceQueue, GpuError, bind_group, buffer};
 #[cfg(not(target_arch = "wasm32"))]
 use crate::cpu::raycast::{Pixels, RayCounts};
 use crate::layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding};
@@ -380,24 +380,18 @@ impl OutputBuffers {
         let colour = buffer(device, "colour", bytes, usage);
         let distance = buffer(device, "distance", bytes, usage);
         let hit = buffer(device, "hit", bytes, usage);
-        let entry = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
-        let entries = [
-            entry(binding::FRAME, &inputs.frame),
-            entry(binding::GRID, &inputs.grid),
-            entry(binding::NODES, &inputs.nodes),
-            entry(binding::SUMMARIES, &inputs.summaries),
-            entry(binding::ATLAS, &inputs.atlas),
-            entry(binding::COLOUR, &colour),
-            entry(binding::DISTANCE, &distance),
-            entry(binding::HIT, &hit),
-            entry(binding::ATLAS_VEC4S, &inputs.atlas),
+        let buffers = [
+            (binding::FRAME, &inputs.frame),
+            (binding::GRID, &inputs.grid),
+            (binding::NODES, &inputs.nodes),
+            (binding::SUMMARIES, &inputs.summaries),
+            (binding::ATLAS, &inputs.atlas),
+            (binding::COLOUR, &colour),
+            (binding::DISTANCE, &distance),
+            (binding::HIT, &hit),
+            (binding::ATLAS_VEC4S, &inputs.atlas),
         ];
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
-            .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let bind_group =
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("raycast"), layout, entries: &entries });
+        let bind_group = bind_group(device, "raycast", layout, &buffers);
         Self { width_px, height_px, colour, distance, hit, bind_group }
     }
 }
