@@ -88,26 +88,10 @@ pub(crate) struct ColorRules {
     up_to: Option<f64>,
 }
 
-/// How objects are drawn that do not pass a filter: pale, not at all, or as they are.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Others {
-    #[default]
-    Ghost,
-    Hide,
-    Keep,
-}
-
 impl From<ColorRules> for StyleRules {
     fn from(rules: ColorRules) -> Self {
         let ColorRules { attribute, palette, range, filter, others, up_to } = rules;
-        let filtered_out = match others {
-            Others::Ghost => FilteredOut::Ghost,
-            Others::Hide => FilteredOut::Hide,
-            Others::Keep => FilteredOut::Keep,
-        };
-        Self { attribute, palette, range, filter, filtered_out, up_to }
+        Self { attribute, palette, range, filter, filtered_out: others.into(), up_to }
     }
 }
 
@@ -124,65 +108,32 @@ pub(crate) enum MeasureCommand {
     Clear {},
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Direction {
-    Forward,
-    Back,
-    Left,
-    Right,
-    Up,
-    Down,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Mode {
-    Orbit,
-    Fly,
-    Walk,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Kind {
-    Line,
-    Area,
-    Height,
-}
-
-impl From<Direction> for MoveDirection {
-    fn from(direction: Direction) -> Self {
-        match direction {
-            Direction::Forward => Self::Forward,
-            Direction::Back => Self::Back,
-            Direction::Left => Self::Left,
-            Direction::Right => Self::Right,
-            Direction::Up => Self::Up,
-            Direction::Down => Self::Down,
+/// Enums of the viewer, as messages have them.
+macro_rules! values_of {
+    ($($(#[$of_enum:meta])* $name:ident of $original:ident { $($(#[$of_value:meta])* $value:ident),+ })+) => {$(
+        $(#[$of_enum])*
+        #[derive(Debug, Clone, Copy, Deserialize)]
+        #[cfg_attr(test, derive(ts_rs::TS))]
+        #[serde(rename_all = "camelCase")]
+        pub(crate) enum $name {
+            $($(#[$of_value])* $value),+
         }
-    }
+
+        impl From<$name> for $original {
+            fn from(value: $name) -> Self {
+                match value {
+                    $($name::$value => Self::$value),+
+                }
+            }
+        }
+    )+};
 }
 
-impl From<Mode> for ControlMode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Orbit => Self::Orbit,
-            Mode::Fly => Self::Fly,
-            Mode::Walk => Self::Walk,
-        }
-    }
-}
-
-impl From<Kind> for MeasureKind {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Line => Self::Line,
-            Kind::Area => Self::Area,
-            Kind::Height => Self::Height,
-        }
-    }
+values_of! {
+    Direction of MoveDirection { Forward, Back, Left, Right, Up, Down }
+    Mode of ControlMode { Orbit, Fly, Walk }
+    Kind of MeasureKind { Line, Area, Height }
+    /// How objects are drawn that do not pass a filter: pale, not at all, or as they are.
+    #[derive(Default)]
+    Others of FilteredOut { #[default] Ghost, Hide, Keep }
 }
