@@ -44,7 +44,13 @@ enum PathUse {
 }
 use PathUse::{Else, Reads, ReadsFolder, Writes, WritesFolder};
 
-const SNAPSHOT: &str = "insula snapshot --server city --camera camera.json --size 16x12 --adapter cpu";
+/// What lines have in common.
+const SHORT: [(&str, &str); 4] = [
+    ("SNAPSHOT", "insula snapshot --server city --camera camera.json SMALL"),
+    ("SMALL", "--size 16x12 --adapter cpu"),
+    ("SERVE", "serve city --listen 127.0.0.1:0"),
+    ("AREA", "--bbox-metres 0,0,9,9"),
+];
 
 const TEXT: PathUse = Else("a text");
 /// Nobody answers here.
@@ -74,12 +80,8 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["grids"], ReadsFolder("bake a.off --out new --grids {}")),
     ("insula-server bake", &["job", "crs", "date", "name", "title", "attribution", "licence", "source_url"], TEXT),
     ("insula-server bake", &["only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"], TEXT),
-    ("insula-server serve", &["config"], Reads("serve city --listen 127.0.0.1:0 --config {}", ".toml")),
-    (
-        "insula-server serve",
-        &["set"],
-        Reads("serve city --listen 127.0.0.1:0 --set tls.certificate={} --set tls.key={}", ".pem"),
-    ),
+    ("insula-server serve", &["config"], Reads("SERVE --config {}", ".toml")),
+    ("insula-server serve", &["set"], Reads("SERVE --set tls.certificate={} --set tls.key={}", ".pem")),
     ("insula-server serve", &["cities"], Else("it runs until it is stopped; its tests are those of the server")),
     ("insula-server serve", &["proposals"], Else("it runs until it is stopped; a folder that is none is a warning")),
     ("insula-server serve", &["listen", "metrics_address"], TEXT),
@@ -96,29 +98,18 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),
     ("insula-server inspect", &["ply"], Writes("inspect city --volume 0/0/0 --ply {}", ".ply")),
     ("insula-server inspect", &["grids"], ReadsFolder("inspect town.geojson --grids {}")),
-    (
-        "insula-server inspect",
-        &["crs", "only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"],
-        TEXT,
-    ),
+    ("insula-server inspect", &["crs", "only", "skip", "height_field", "drop"], TEXT),
+    ("insula-server inspect", &["search", "axis_order", "allow_host"], TEXT),
     ("insula-server objects", &["city"], ReadsFolder("objects {}")),
     ("insula-server search", &["city"], ReadsFolder("search {} Hall")),
     ("insula-server search", &["text"], TEXT),
-    (
-        "insula-server analyse",
-        &["rule"],
-        Reads("analyse city sun --bbox-metres 0,0,9,9 --out new.tif --rule {}", ".toml"),
-    ),
+    ("insula-server analyse", &["rule"], Reads("analyse city sun AREA --out new.tif --rule {}", ".toml")),
     ("insula-server analyse", &["points"], Reads("analyse city sun --rule en-17037 --out new.csv --points {}", ".csv")),
     ("insula-server analyse", &["between"], Reads("analyse city view --out new.csv --between {} town.geojson", ".csv")),
     ("insula-server analyse", &["weather"], Reads("analyse city solar --out new.tif --weather {}", ".epw")),
     ("insula-server analyse", &["vista"], Reads("analyse city view --out new.tif --vista {}", ".geojson")),
     ("insula-server analyse", &["of"], Reads("analyse city view --height 9 --out new.tif --of {}", ".geojson")),
-    (
-        "insula-server analyse",
-        &["proposal"],
-        Reads("analyse city sky --bbox-metres 0,0,9,9 --out new.tif --proposal {}", ".toml"),
-    ),
+    ("insula-server analyse", &["proposal"], Reads("analyse city sky AREA --out new.tif --proposal {}", ".toml")),
     ("insula-server analyse", &["out"], Writes("analyse city sky --out {}", ".tif")),
     ("insula-server analyse", &["buildings"], Writes("analyse city sky --out sky.tif --buildings {}", ".csv")),
     ("insula-server analyse", &["pdf"], Writes("analyse city sky --out sky.tif --pdf {}", ".pdf")),
@@ -162,17 +153,9 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula open", &["server"], Reads("insula open --server {}", ".obj")),
     ("insula open", &["palette"], Reads("insula open town.geojson --palette {}", ".json")),
     ("insula demo", &["out"], Else("bakes for minutes; its check is that of `snapshot`")),
-    ("insula snapshot", &["place"], ReadsFolder("insula snapshot {} --size 16x12 --adapter cpu --out new.png")),
-    (
-        "insula snapshot",
-        &["server"],
-        ReadsFolder("insula snapshot --server {} --size 16x12 --adapter cpu --out new.png"),
-    ),
-    (
-        "insula snapshot",
-        &["camera"],
-        Reads("insula snapshot --server city --size 16x12 --out new.png --camera {}", ".json"),
-    ),
+    ("insula snapshot", &["place"], ReadsFolder("insula snapshot {} SMALL --out new.png")),
+    ("insula snapshot", &["server"], ReadsFolder("insula snapshot --server {} SMALL --out new.png")),
+    ("insula snapshot", &["camera"], Reads("insula snapshot --server city SMALL --out new.png --camera {}", ".json")),
     ("insula snapshot", &["proposal"], Reads("SNAPSHOT --out new.png --proposal {}", ".toml")),
     ("insula snapshot", &["out"], Writes("SNAPSHOT --out {}", ".png")),
     ("insula snapshot", &["distance"], Writes("SNAPSHOT --out p.png --distance {}", ".pfm")),
@@ -181,14 +164,10 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula snapshot", &["objects_json"], Writes("SNAPSHOT --out p.png --objects-json {}", ".json")),
     ("insula snapshot", &["report"], Writes("SNAPSHOT --out p.png --report {}", ".json")),
     ("insula snapshot", &["color_by", "filter"], TEXT),
-    ("insula fly", &["place"], ReadsFolder("insula fly {} --size 16x12 --adapter cpu --path path.json")),
-    ("insula fly", &["server"], ReadsFolder("insula fly --server {} --size 16x12 --adapter cpu --path path.json")),
-    ("insula fly", &["path"], Reads("insula fly --server city --size 16x12 --adapter cpu --path {}", ".json")),
-    (
-        "insula fly",
-        &["report"],
-        Writes("insula fly --server city --size 16x12 --adapter cpu --path path.json --report {}", ".json"),
-    ),
+    ("insula fly", &["place"], ReadsFolder("insula fly {} SMALL --path path.json")),
+    ("insula fly", &["server"], ReadsFolder("insula fly --server {} SMALL --path path.json")),
+    ("insula fly", &["path"], Reads("insula fly --server city SMALL --path {}", ".json")),
+    ("insula fly", &["report"], Writes("insula fly --server city SMALL --path path.json --report {}", ".json")),
     ("insula draw", &["sources"], Reads("insula draw {} --plan --out new.svg", ".obj")),
     ("insula draw", &["server"], Reads("insula draw --server {} --plan --out new.svg", ".obj")),
     ("insula draw", &["view"], Reads("insula draw city --out new.svg --camera {}", ".json")),
@@ -328,7 +307,7 @@ impl Workplace {
 
     /// The same, ended or killed (`-s KILL`) after so many seconds where that is possible.
     pub(crate) fn run_for(&self, line: &str, timeout: &str) -> Output {
-        let line = line.replacen("SNAPSHOT", SNAPSHOT, 1);
+        let line = SHORT.iter().fold(line.to_owned(), |line, (word, words)| line.replacen(word, words, 1));
         let (name, words) = match line.strip_prefix("insula ") {
             Some(rest) => ("insula", rest),
             None => ("insula-server", line.as_str()),
