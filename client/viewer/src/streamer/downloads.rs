@@ -99,7 +99,8 @@ impl<F: TileFetcher> Downloads<F> {
         companions: &[TileRequest],
         now: Duration,
     ) -> usize {
-        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, companions, now, &self.fetcher);
+        let (is_local, has_groups) = (|key| self.fetcher.is_local(key), self.fetcher.has_groups());
+        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, companions, now, is_local, has_groups);
         for key in cancel {
             if self.in_flight.remove(&key).is_some() {
                 self.fetcher.cancel(key);

@@ -1,6 +1,5 @@
 //! Decides, frame by frame, which requests to start and which to cancel.
 
-use super::downloads::TileFetcher;
 use super::request_grouping::PlannedRequest;
 use crate::scene::tile::retry_delay;
 use crate::scene::{SceneTree, TileEvent, TileKey};
@@ -70,7 +69,8 @@ impl RequestQueue {
         wanted: &[TileRequest],
         companions: &[TileRequest],
         now: Duration,
-        fetcher: &impl TileFetcher,
+        is_local: impl Fn(TileKey) -> bool,
+        has_groups: bool,
     ) -> RequestPlan {
         let cancel = self.forget_unwanted(tree, wanted);
         for TileRequest { key, .. } in wanted {
@@ -86,12 +86,11 @@ impl RequestQueue {
             if weight >= limit {
                 break;
             }
-            let is_local = || fetcher.is_local(*key);
-            let may_start = weight < network_limit || network_limit < limit && is_local();
+            let may_start = weight < network_limit || network_limit < limit && is_local(*key);
             if !self.queued.contains(key) || !may_start {
                 continue;
             }
-            let is_grouped = now >= self.groups_from && fetcher.has_groups() && !is_local();
+            let is_grouped = now >= self.groups_from && has_groups && !is_local(*key);
             let mut request = PlannedRequest::single(*key);
             if is_grouped {
                 let wanted = candidates.get_or_insert_with(|| companions.iter().map(|request| request.key).collect());
@@ -229,17 +228,20 @@ impl Backoff {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::Unresponsive;
     use super::*;
     use crate::scene::TileState;
     use crate::select::tests::{request, tree};
     use insula_protocol::TileId;
 
-    /// All tiles are remote. With groups or without.
-    fn remote(has_groups: bool) -> Unresponsive {
-        let mut fetcher = Unresponsive::new(None);
-        fetcher.has_groups = has_groups;
-        fetcher
+    /// All tiles are remote, and those that are wanted later are the same.
+    fn planned(
+        queue: &mut RequestQueue,
+        tree: &mut SceneTree,
+        wanted: &[TileRequest],
+        now: Duration,
+        has_groups: bool,
+    ) -> RequestPlan {
+        queue.plan(tree, wanted, wanted, now, |_| false, has_groups)
     }
 
     fn started(plan: &RequestPlan) -> Vec<TileKey> {
@@ -254,17 +256,17 @@ mod tests {
     fn starts_in_order_up_to_the_limit_and_cancels_what_is_not_wanted() {
         let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
         let all = wanted(&[3, 1, 0, 2]);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(false))), [all[0].key, all[1].key]);
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(false)), RequestPlan::default());
+        assert_eq!(started(&planned(&mut queue, &mut tree, &all, now, false)), [all[0].key, all[1].key]);
+        assert_eq!(planned(&mut queue, &mut tree, &all, now, false), RequestPlan::default());
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Queued);
         let fewer = wanted(&[1, 2]);
-        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &remote(false));
+        let plan = planned(&mut queue, &mut tree, &fewer, now, false);
         assert_eq!((&plan.cancel, started(&plan)), (&vec![all[0].key], vec![fewer[1].key]));
         assert_eq!(tree.tile(all[0].key).unwrap().state(), TileState::Unknown);
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "no longer queued");
         queue.request_ended(fewer[0].key);
         tree.apply(fewer[0].key, TileEvent::Refuse);
-        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &remote(false));
+        let plan = planned(&mut queue, &mut tree, &fewer, now, false);
         assert_eq!(plan, RequestPlan::default(), "bad tiles are not requested again");
     }
 
@@ -272,7 +274,7 @@ mod tests {
     fn neighbours_take_one_request_until_the_last_of_them_has_ended() {
         let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
         let all = wanted(&[3, 1, 0, 2]);
-        let plan = queue.plan(&mut tree, &all, &all, now, &remote(true));
+        let plan = planned(&mut queue, &mut tree, &all, now, true);
         assert_eq!((plan.start.len(), plan.start[0].keys.len()), (1, 4));
         assert!(plan.start[0].group.is_some());
         for request in &all[1..] {
@@ -289,30 +291,30 @@ mod tests {
         let all = wanted(&[0, 1, 2, 3]);
         let keys = vec![all[0].key, all[1].key];
         assert!(queue.start(PlannedRequest { group: None, keys, weight: 2 }, &mut tree, now).is_some());
-        let plan = queue.plan(&mut tree, &all, &all, now, &remote(false));
+        let plan = planned(&mut queue, &mut tree, &all, now, false);
         assert_eq!(started(&plan), [all[2].key], "one more fits");
         queue.request_ended(all[0].key);
-        assert!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.is_empty(), "the group has not ended");
+        assert!(planned(&mut queue, &mut tree, &all, now, false).start.is_empty(), "the group has not ended");
         queue.request_ended(all[1].key);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(false))), [all[3].key]);
+        assert_eq!(started(&planned(&mut queue, &mut tree, &all, now, false)), [all[3].key]);
     }
 
     #[test]
     fn dead_server_gets_one_request_at_a_time() {
         let (mut tree, mut queue, mut now) = (tree(), RequestQueue::new(4), Duration::from_secs(100));
         let all = wanted(&[0, 1, 2, 3]);
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.len(), 4);
+        assert_eq!(planned(&mut queue, &mut tree, &all, now, false).start.len(), 4);
         for request in &all {
             queue.request_ended(request.key);
             tree.apply(request.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
             queue.failed(now, None, 0.5);
         }
         assert_eq!(queue.backoff.failures, 1);
-        assert!(queue.plan(&mut tree, &all, &all, now, &remote(false)).start.is_empty());
+        assert!(planned(&mut queue, &mut tree, &all, now, false).start.is_empty());
         now += Duration::from_secs(3);
-        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &remote(true))), [all[0].key], "no groups");
+        assert_eq!(started(&planned(&mut queue, &mut tree, &all, now, true)), [all[0].key], "no groups");
         queue.backoff.succeeded();
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &remote(true)).start.len(), 3, "still no groups");
+        assert_eq!(planned(&mut queue, &mut tree, &all, now, true).start.len(), 3, "still no groups");
     }
 
     #[test]

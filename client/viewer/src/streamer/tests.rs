@@ -13,22 +13,17 @@ use insula_protocol::TileId;
 pub(super) struct Unresponsive {
     error: Option<FetchError>,
     started: Vec<(TileKey, u64)>,
-    pub(super) has_groups: bool,
 }
 
 impl Unresponsive {
     pub(super) fn new(error: Option<FetchError>) -> Self {
-        Self { error, started: Vec::new(), has_groups: false }
+        Self { error, started: Vec::new() }
     }
 }
 
 impl TileFetcher for Unresponsive {
     fn start(&mut self, key: TileKey, ticket: u64) {
         self.started.push((key, ticket));
-    }
-
-    fn has_groups(&self) -> bool {
-        self.has_groups
     }
 
     fn cancel(&mut self, _: TileKey) {}
