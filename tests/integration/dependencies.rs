@@ -169,73 +169,61 @@ fn packages_depend_only_on_those_below_them() {
     }
 }
 
+/// What packages must build without.
+const OPTIONAL: [(&str, &[&str]); 6] = [
+    (
+        "insula-server",
+        &["insula-analysis", "insula-bake", "insula-draw", "insula-occlusion", "insula-simplify", "insula-source"],
+    ),
+    ("insula-occlusion", &["insula-shaders"]),
+    ("insula-client", &["insula-server", "insula-bake", "insula-draw", "insula-export", "insula-analysis"]),
+    ("insula-archive", &["blake3", "moka", "tokio"]),
+    ("insula-shaders", &["wgpu"]),
+    ("insula-viewer", &["wgpu"]),
+];
+
 fn optional_parts_are_optional_dependencies() {
     let workspace = Workspace::load();
-    for (package, optional) in [
-        ("insula-server", "insula-analysis"),
-        ("insula-server", "insula-bake"),
-        ("insula-server", "insula-draw"),
-        ("insula-server", "insula-occlusion"),
-        ("insula-server", "insula-simplify"),
-        ("insula-server", "insula-source"),
-        ("insula-occlusion", "insula-shaders"),
-        ("insula-client", "insula-server"),
-        ("insula-client", "insula-bake"),
-        ("insula-client", "insula-draw"),
-        ("insula-client", "insula-export"),
-        ("insula-client", "insula-analysis"),
+    for (package, optional) in OPTIONAL {
+        for name in optional {
+            let found = workspace.declared(package).into_iter().find(|d| d.name == *name);
+            assert!(found.is_some_and(|d| d.optional), "{package} must build without {name}");
+        }
+    }
+    for (package, feature, is_default) in [
+        ("insula-server", "bake", true),
+        ("insula-client", "embedded", true),
+        ("insula-archive", "block-cache", false),
+        ("insula-shaders", "gpu", false),
+        ("insula-viewer", "gpu", false),
     ] {
-        let found = workspace.declared(package).into_iter().find(|d| d.name == optional);
-        assert!(found.is_some_and(|d| d.optional), "{package} must build without {optional}");
-    }
-    assert!(workspace.default_features("insula-server").contains("bake"));
-    assert!(workspace.default_features("insula-client").contains("embedded"));
-    for optional in ["blake3", "moka", "tokio"] {
-        let found = workspace.declared("insula-archive").into_iter().find(|d| d.name == optional);
-        assert!(found.is_some_and(|d| d.optional), "insula-archive must build without {optional}");
-    }
-    assert!(!workspace.default_features("insula-archive").contains("block-cache"));
-    for package in ["insula-shaders", "insula-viewer"] {
-        let wgpu = workspace.declared(package).into_iter().find(|d| d.name == "wgpu");
-        assert!(wgpu.is_some_and(|d| d.optional), "{package} must build without wgpu");
-        assert!(!workspace.default_features(package).contains("gpu"));
+        assert_eq!(workspace.default_features(package).contains(feature), is_default, "{package}: {feature}");
     }
 }
 
 fn packages_do_not_use_banned_libraries() {
     let workspace = Workspace::load();
-    let network = ["axum", "hyper", "reqwest", "tower", "tower-http"];
-    let graphics = ["wgpu", "winit", "egui"];
-    let check = |package: &str, banned: &[&str], found: &BTreeSet<String>| {
-        for name in banned {
-            assert!(!found.contains(*name), "{package} must not use {name}");
+    let network: &[&str] = &["axum", "hyper", "reqwest", "tower", "tower-http"];
+    let graphics: &[&str] = &["wgpu", "winit", "egui"];
+    let declared = |package: &str| workspace.declared(package).into_iter().map(|d| d.name).collect();
+    let check = |package: &str, found: BTreeSet<String>, banned: &[&[&str]]| {
+        for name in banned.concat() {
+            assert!(!found.contains(name), "{package} must not use {name}");
         }
     };
-    let names = |package: &str| workspace.declared(package).into_iter().map(|d| d.name).collect::<BTreeSet<_>>();
-    check(
-        "insula-protocol",
-        &[&network[..], &graphics, &["tokio", "tracing", "rayon"]].concat(),
-        &workspace.closure("insula-protocol"),
-    );
-    check(
-        "insula-archive",
-        &[&network[..], &graphics, &["object_store", "pmtiles", "tracing", "rayon"]].concat(),
-        &names("insula-archive"),
-    );
-    check("insula-shaders", &[&network[..], &["tokio", "winit", "egui"]].concat(), &names("insula-shaders"));
-    check(
-        "insula-viewer",
-        &[&network[..], &["winit", "egui", "tokio", "clap", "rayon", "directories", "pollster"]].concat(),
-        &names("insula-viewer"),
-    );
-    check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
-    check(
-        "insula-occlusion",
-        &[&network[..], &graphics, &["tokio", "tracing", "clap", "insula-bake"]].concat(),
-        &names("insula-occlusion"),
-    );
-    check("insula-server", &graphics, &names("insula-server"));
-    check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
+    let all_below = workspace.closure("insula-protocol");
+    check("insula-protocol", all_below, &[network, graphics, &["tokio", "tracing", "rayon"]]);
+    for (package, banned) in [
+        ("insula-archive", &[network, graphics, &["object_store", "pmtiles", "tracing", "rayon"]][..]),
+        ("insula-shaders", &[network, &["tokio", "winit", "egui"]]),
+        ("insula-viewer", &[network, &["winit", "egui", "tokio", "clap", "rayon", "directories", "pollster"]]),
+        ("insula-bake", &[network, graphics, &["tokio", "clap"]]),
+        ("insula-occlusion", &[network, graphics, &["tokio", "tracing", "clap", "insula-bake"]]),
+        ("insula-server", &[graphics]),
+        ("insula-client", &[&["axum", "pmtiles"]]),
+    ] {
+        check(package, declared(package), banned);
+    }
 }
 
 /// Features of each dependency of a selection of packages.
