@@ -32,6 +32,7 @@ static SHARED: Mutex<[Option<Arc<Browser>>; 2]> = Mutex::new([None, None]);
 
 type Run = fn() -> Result<()>;
 
+const VENDOR: &str = "INSULA_VENDOR";
 const MAPLIBRE: &str = "maplibre-gl.mjs";
 
 const QUICK_DRIVER: [(&str, Run); 1] = [("driver_collects_errors", driver::errors_are_collected)];
@@ -97,23 +98,13 @@ const FULL: [(&str, Run); 29] = [
 
 /// Tests that need files of others, the variable that names their folder or file, and one of those in the folder.
 const WITH_FILES: [(&str, Run, &str, &str); 9] = [
-    ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR", "react.production.min.js"),
-    ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR", MAPLIBRE),
-    ("a_map_has_the_native_picture", map_layer::a_map_has_the_native_picture, "INSULA_VENDOR", MAPLIBRE),
-    (
-        "houses_hide_boxes_and_labels_of_a_map",
-        map_layer::houses_hide_boxes_and_labels_of_a_map,
-        "INSULA_VENDOR",
-        MAPLIBRE,
-    ),
-    (
-        "a_moving_map_takes_its_last_cast_along",
-        map_layer::a_moving_map_takes_its_last_cast_along,
-        "INSULA_VENDOR",
-        MAPLIBRE,
-    ),
-    ("a_map_survives_a_lost_context", map_layer::a_map_survives_a_lost_context, "INSULA_VENDOR", MAPLIBRE),
-    ("a_scene_has_the_city_in_it", map_layer::a_scene_has_the_city_in_it, "INSULA_VENDOR", "three.module.js"),
+    ("the_react_example_runs", component::the_react_example_runs, VENDOR, "react.production.min.js"),
+    ("the_maplibre_example_runs", component::the_maplibre_example_runs, VENDOR, MAPLIBRE),
+    ("a_map_has_the_native_picture", map_layer::a_map_has_the_native_picture, VENDOR, MAPLIBRE),
+    ("houses_hide_boxes_and_labels_of_a_map", map_layer::houses_hide_boxes_and_labels_of_a_map, VENDOR, MAPLIBRE),
+    ("a_moving_map_takes_its_last_cast_along", map_layer::a_moving_map_takes_its_last_cast_along, VENDOR, MAPLIBRE),
+    ("a_map_survives_a_lost_context", map_layer::a_map_survives_a_lost_context, VENDOR, MAPLIBRE),
+    ("a_scene_has_the_city_in_it", map_layer::a_scene_has_the_city_in_it, VENDOR, "three.module.js"),
     ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE", ""),
     ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM", ""),
 ];
