@@ -75,7 +75,7 @@ impl Gpu {
         let data = scene.as_ref();
         raycaster.resize(&self.device, [data.frame.width_px, data.frame.height_px]);
         for (page, words) in data.atlas.chunks_exact(PAGE_WORDS).enumerate() {
-            raycaster.write_page(&self.queue, page as u32, words);
+            raycaster.write_words(&self.queue, (page * PAGE_WORDS) as u32, words);
         }
         for (slot, words) in data.summaries.as_chunks::<SUMMARY_WORDS>().0.iter().enumerate() {
             raycaster.write_summary(&self.queue, slot as u32, words);

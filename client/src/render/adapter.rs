@@ -165,13 +165,6 @@ impl Adapter {
 }
 
 impl Upload for Adapter {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        match self {
-            Self::Gpu(gpu) => gpu.write_page(page, words),
-            Self::Cpu(cpu) => cpu.write_page(page, words),
-        }
-    }
-
     fn write_words(&mut self, at: u32, words: &[u32]) {
         match self {
             Self::Gpu(gpu) => gpu.write_words(at, words),

@@ -196,17 +196,6 @@ impl Raycaster {
         self.capacity
     }
 
-    /// Writes a page of the atlas. A page beyond the capacity is ignored.
-    pub fn write_page(&self, queue: &wgpu::Queue, page: u32, words: &[u32]) {
-        if page < self.capacity.atlas_pages && words.len() <= PAGE_WORDS {
-            queue.write_buffer(
-                &self.inputs.atlas,
-                u64::from(page) * PAGE_WORDS as u64 * 4,
-                bytemuck::cast_slice(words),
-            );
-        }
-    }
-
     /// Writes some words of the atlas. Words beyond the capacity are ignored.
     pub fn write_words(&self, queue: &wgpu::Queue, at: u32, words: &[u32]) {
         let end = u64::from(at) + words.len() as u64;

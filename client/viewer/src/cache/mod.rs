@@ -32,7 +32,9 @@ pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
 
 /// Memory that the ray-caster reads.
 pub trait Upload {
-    fn write_page(&mut self, page: u32, words: &[u32]);
+    fn write_page(&mut self, page: u32, words: &[u32]) {
+        self.write_words(page * PAGE_WORDS as u32, words);
+    }
     /// Writes some words of the atlas from word `at` on, within one page.
     fn write_words(&mut self, at: u32, words: &[u32]);
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);

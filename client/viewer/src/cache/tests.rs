@@ -12,7 +12,6 @@ use std::collections::HashMap;
 pub(crate) struct NoAtlas;
 
 impl Upload for NoAtlas {
-    fn write_page(&mut self, _: u32, _: &[u32]) {}
     fn write_words(&mut self, _: u32, _: &[u32]) {}
     fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
 }

@@ -80,13 +80,6 @@ impl CpuAdapter {
 }
 
 impl Upload for CpuAdapter {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        let at = page as usize * PAGE_WORDS;
-        if let Some(target) = self.atlas.get_mut(at..at + words.len()) {
-            target.copy_from_slice(words);
-        }
-    }
-
     fn write_words(&mut self, at: u32, words: &[u32]) {
         let at = at as usize;
         if let Some(target) = self.atlas.get_mut(at..at + words.len()) {

@@ -168,10 +168,6 @@ impl GpuAdapter {
 }
 
 impl Upload for GpuAdapter {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        self.raycaster.write_page(&self.device.queue, page, words);
-    }
-
     fn write_words(&mut self, at: u32, words: &[u32]) {
         self.raycaster.write_words(&self.device.queue, at, words);
     }

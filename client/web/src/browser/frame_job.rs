@@ -61,13 +61,6 @@ impl Renderer {
 }
 
 impl Upload for Renderer {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_page(page, words),
-            Self::Gpu(gpu) => gpu.adapter.write_page(page, words),
-        }
-    }
-
     fn write_words(&mut self, at: u32, words: &[u32]) {
         match self {
             Self::Cpu { writes, .. } => writes.write_words(at, words),

@@ -1,13 +1,12 @@
 //! Writes to the atlas on their way to the workers that draw on the CPU, each of which has its own copy.
 //!
-//! As words: for each write its kind (0 page, 1 summary, 2 words), its number, its length in words, then its words.
+//! As words: for each write its kind (0 words, 1 summary), its number, its length in words, then its words.
 
 use insula_shaders::layout::SUMMARY_WORDS;
 use insula_viewer::cache::Upload;
 
-const PAGE: u32 = 0;
+const WORDS: u32 = 0;
 const SUMMARY: u32 = 1;
-const WORDS: u32 = 2;
 
 /// Writes that the workers have not got yet.
 #[derive(Debug, Default)]
@@ -32,10 +31,6 @@ impl PageWrites {
 }
 
 impl Upload for PageWrites {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        self.push(PAGE, page, words);
-    }
-
     fn write_words(&mut self, at: u32, words: &[u32]) {
         self.push(WORDS, at, words);
     }
@@ -51,8 +46,7 @@ pub(crate) fn apply(mut words: &[u32], upload: &mut impl Upload) {
         let Some((content, rest)) = rest.split_at_checked(length as usize) else { return };
         match (kind, content.try_into()) {
             (SUMMARY, Ok(summary)) => upload.write_summary(number, summary),
-            (WORDS, _) => upload.write_words(number, content),
-            _ => upload.write_page(number, content),
+            _ => upload.write_words(number, content),
         }
         words = rest;
     }
