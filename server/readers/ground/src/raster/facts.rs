@@ -68,7 +68,7 @@ pub(crate) struct RasterCrs {
     pub(crate) height_unit_m: Option<f64>,
     /// The file's own text about its system, or the string for PROJ of a projection that is not supported.
     pub(crate) citation: Option<String>,
-    /// What to tell if the file gives its horizontal system another unit than the system has.
+    /// What to tell if the file gives its horizontal system another unit than the system has, or heights one that is not known.
     pub(crate) other_unit: Option<String>,
 }
 

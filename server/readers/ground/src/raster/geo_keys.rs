@@ -128,13 +128,22 @@ impl GeoKeys {
         let unit_m = vertical.filter(|_| is_own).map(|code| VerticalDatum::from_code(code as u32).unit_m);
         let other_unit = horizontal.as_deref().filter(|_| !is_own).and_then(|name| self.other_unit(name));
         RasterCrs {
-            other_unit,
+            other_unit: other_unit.or_else(|| self.odd_height_unit()),
             horizontal,
             vertical: vertical.map(|code| format!("EPSG:{}", of_datum(code).unwrap_or(code))),
             is_ellipsoidal,
             height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(|code| metres_of(&code.to_string())).or(unit_m),
             citation: refused.or_else(|| CITATIONS.into_iter().find_map(|key| self.text(key))),
         }
+    }
+
+    /// What to tell of a unit of heights that is not known.
+    fn odd_height_unit(&self) -> Option<String> {
+        let code =
+            self.number(VERTICAL_UNITS_KEY).filter(|code| *code > 0 && metres_of(&code.to_string()).is_none())?;
+        Some(format!(
+            "its unit of heights has the number {code}, which is not known; they are taken in that of the system"
+        ))
     }
 
     /// What to tell if a key gives a projected system with a code another unit than it has.

@@ -75,6 +75,8 @@ fn coordinate_systems() {
     // The unit of a system with a code, and another one.
     let own = crs_of(&keys(&[[1024, 1], [3072, 2263], [3076, 9003]]), "");
     assert_eq!((own.horizontal.as_deref(), own.other_unit), (Some("EPSG:2263"), None));
+    let odd = crs_of(&keys(&[[1024, 1], [3072, 28992], [4099, 9999]]), "").other_unit;
+    assert!(odd.is_some_and(|text| text.contains("heights has the number 9999")));
     let other = crs_of(&keys(&[[1024, 1], [3072, 2263], [3076, 9001]]), "").other_unit.unwrap();
     assert!(other.contains("is 1 m by its key, but 0.3048"), "{other}");
     // A projection that the file defines itself is not its geographic system.
