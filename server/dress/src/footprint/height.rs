@@ -147,9 +147,13 @@ pub fn needs_ground(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
     has(HeightRole::Elevation) && !has(HeightRole::Ground)
 }
 
-/// Height above the ground that attributes tell, in metres.
-pub fn known_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
-    top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints, &mut |_, _| {})
+/// Height above the ground that attributes tell, in metres. Passes guesses and invalid values to `note`, with their kind and details.
+pub fn known_height_m(
+    attributes: &Attributes,
+    hints: HeightHints<'_>,
+    mut note: impl FnMut(&str, &str),
+) -> Option<f64> {
+    top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints, &mut note)
 }
 
 /// Metres in the unit of plain numbers of the base and the roof.

@@ -11,7 +11,7 @@ use insula_dress::palette::{BuildingLook, SurfaceFacts};
 use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, PointOnGround, SourceObject, Strip};
-use insula_source::problems::{TREE_HEIGHT, UNKNOWN_POINT};
+use insula_source::problems::{NOT_UNDERSTOOD, TREE_HEIGHT, UNKNOWN_POINT};
 
 /// Sides of a crown seen from above, and of a trunk.
 const CROWN_SIDES: usize = 6;
@@ -25,6 +25,8 @@ const TONES: [f64; 3] = [0.88, 1.0, 1.12];
 /// Hedges without a height, and their range.
 const HEDGE_M: f64 = 1.3;
 const HEDGE_RANGE_M: std::ops::RangeInclusive<f64> = 0.3..=8.0;
+/// Kind of the problem that a height is no number, or 0. Heights of buildings are told apart.
+const ODD_HEIGHT: &str = "height of a plant not understood, taken as unknown";
 /// Bark, 8-bit sRGB.
 const BARK: [u8; 3] = [104, 88, 74];
 
@@ -111,7 +113,7 @@ impl SceneSink<'_, '_, '_> {
             return Ok(());
         }
         let form = TreeForm::of(object);
-        let told_m = known_height_m(&object.attributes, self.height_hints());
+        let told_m = self.plant_height_m(object);
         let known_m = told_m.filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
         if let (Some(told_m), None) = (told_m, known_m) {
             self.report.problem(TREE_HEIGHT, || format!("{} is {told_m} m", object.id));
@@ -155,8 +157,7 @@ impl SceneSink<'_, '_, '_> {
     /// Adds hedges along lines. Fails if the ground's height cannot be read.
     pub(super) fn add_hedges(&mut self, object: &SourceObject, strips: &[Strip]) -> Result<(), InputError> {
         let height_m =
-            known_height_m(&object.attributes, self.height_hints()).filter(|height_m| HEDGE_RANGE_M.contains(height_m));
-        let height_m = height_m.unwrap_or(HEDGE_M);
+            self.plant_height_m(object).filter(|height_m| HEDGE_RANGE_M.contains(height_m)).unwrap_or(HEDGE_M);
         let material = self.plant_material(None, 1.0);
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
@@ -193,6 +194,15 @@ impl SceneSink<'_, '_, '_> {
         }
         self.finish_areas(object, open, fault);
         Ok(())
+    }
+
+    /// Height of a plant that its attributes tell, in metres. Reports what is guessed of it, or not understood.
+    fn plant_height_m(&mut self, object: &SourceObject) -> Option<f64> {
+        let (hints, report) = (self.height_hints(), &mut self.report);
+        known_height_m(&object.attributes, hints, |kind, detail| {
+            let kind = if kind == NOT_UNDERSTOOD { ODD_HEIGHT } else { kind };
+            report.problem(kind, || format!("{}: {detail}", object.id));
+        })
     }
 
     /// Number of the material of a plant: in the palette's colour unless it has its own, lighter by a factor.

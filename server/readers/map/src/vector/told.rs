@@ -44,7 +44,8 @@ pub(super) fn told(
     let has_height = has_height(attributes, hints);
     // The name may be that of a street, as `park_avenue`. A plan with a height is a building, but for trees and bridges.
     let is_plan = is_area && geometry.meshes.is_empty() && !geometry.is_surface;
-    let is_standing = is_plan && !layer.is_of_trees && !columns.is_mixed && known_height_m(attributes, hints).is_some();
+    let is_told = || known_height_m(attributes, hints, |_, _| ()).is_some();
+    let is_standing = is_plan && !layer.is_of_trees && !columns.is_mixed && is_told();
     let has_body = |kind: &FeatureKind| matches!(kind, FeatureKind::Bridge | FeatureKind::Tunnel);
     let by_layer = layer.kind.filter(|kind| !is_standing || has_body(kind));
     let has_id = has_osm_id(id, attributes);

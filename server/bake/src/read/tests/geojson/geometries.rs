@@ -45,6 +45,9 @@ fn trees_stand_at_their_own_height() {
     assert!((low - 512.3).abs() < 1e-3 && (high - 521.3).abs() < 0.1, "{low} to {high}");
     let (_, report) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 1200}"#, tree)));
     assert_eq!(report.sources[0].problems["height of a tree out of range, taken as unknown"].first, ["t is 1200 m"]);
+    let (_, report) = read(&collection(&feature("t", r#"{"natural": "tree", "height": "tall"}"#, tree)));
+    let odd = &report.sources[0].problems["height of a plant not understood, taken as unknown"];
+    assert_eq!(odd.first, ["t: height is tall"]);
 }
 
 #[test]
