@@ -196,6 +196,7 @@ fn smaller_copies_and_masks() {
     let widths: Vec<u32> = raster.facts().levels.iter().map(|level| level.width).collect();
     assert_eq!((widths, raster.facts().has_mask), (vec![4, 2], true), "the smallest copy has no mask");
     assert_eq!(raster.facts().levels[1], RasterSize { width: 2, height: 1 });
+    assert!(raster.warning().is_some_and(|text| text.contains("only the first of its images")));
     assert_heights(&heights(&bytes, 0), &[1.0, f32::NAN, 3.0, 4.0]);
     assert_heights(&heights(&bytes, 1), &[f32::NAN, 7.0]);
     assert_heights(&heights(&file(TestForm::default(), &[images[0].clone(), images[2].clone()]), 1), &[8.0]);

@@ -45,6 +45,8 @@ pub(super) struct TiffRaster {
     levels: Vec<TiffImage>,
     /// Images of 0 where the image, or its copy of the same size, has no value.
     masks: Vec<TiffImage>,
+    /// Number of the images that are neither.
+    unread_images: usize,
     pub(super) nodata: Option<f64>,
     /// The mark of missing heights that the user gives.
     pub(super) nodata_by_hand: Option<f64>,
@@ -77,7 +79,7 @@ impl TiffRaster {
             nodata: gdal.nodata,
             ..RasterFacts::new(main.layout.size, main.layout.sample)
         };
-        let (mut levels, masks) = other_images(&mut file, first.next, &main.layout)?;
+        let (mut levels, masks, unread_images) = other_images(&mut file, first.next, &main.layout)?;
         levels.sort_by_key(|level| std::cmp::Reverse(level.layout.size.pixels()));
         if image_of_size(&masks, main.layout.size).is_some() {
             // A copy without a mask has values where the image has none.
@@ -95,6 +97,7 @@ impl TiffRaster {
             chunks,
             levels,
             masks,
+            unread_images,
             nodata: gdal.nodata,
             nodata_by_hand: None,
             heights,
@@ -208,10 +211,12 @@ impl TiffRaster {
         self.heights != HeightRule::AS_IS && !self.is_scaled
     }
 
-    /// What is guessed about the heights, or the colours.
+    /// What is guessed about the heights, or the colours, and that there are more images.
     pub(super) fn warning(&self) -> Option<String> {
         let missing = "the second band, which is full or 0, is taken to mark missing heights";
-        let guesses = [self.guessed_alpha.map(|_| missing.to_owned()), self.guess_of_numbers()];
+        let unread = (self.unread_images > 0)
+            .then(|| format!("only the first of its images is read, and not {} more", self.unread_images));
+        let guesses = [self.guessed_alpha.map(|_| missing.to_owned()), self.guess_of_numbers(), unread];
         guesses.into_iter().flatten().reduce(|first, second| format!("{first}; {second}"))
     }
 
@@ -283,13 +288,13 @@ pub(super) fn read_geo(source: Source) -> Result<(Option<super::place::GeoPlace>
     Ok((tags.place(), tags.crs()))
 }
 
-/// The smaller copies of an image, and the masks. Other images, such as further pages, are left out.
+/// The smaller copies of an image, the masks, and the number of other images, such as further pages, which are left out.
 fn other_images(
     file: &mut TiffFile,
     mut next: u64,
     main: &Layout,
-) -> Result<(Vec<TiffImage>, Vec<TiffImage>), RasterError> {
-    let (mut levels, mut masks, mut seen) = (Vec::new(), Vec::new(), HashSet::new());
+) -> Result<(Vec<TiffImage>, Vec<TiffImage>, usize), RasterError> {
+    let (mut levels, mut masks, mut others, mut seen) = (Vec::new(), Vec::new(), 0, HashSet::new());
     while next > 0 {
         if !seen.insert(next) || seen.len() > MAX_DIRECTORIES {
             return Err(RasterError::damaged("it has too many images, or a circle of them"));
@@ -298,6 +303,7 @@ fn other_images(
         next = directory.next;
         let kind = file.integer(&directory, SUBFILE_TYPE)?.unwrap_or(0);
         if kind & (REDUCED | MASK) == 0 {
+            others += 1;
             continue;
         }
         let image = TiffImage { number: seen.len(), layout: Layout::read(file, &directory)? };
@@ -309,7 +315,7 @@ fn other_images(
             levels.push(image);
         }
     }
-    Ok((levels, masks))
+    Ok((levels, masks, others))
 }
 
 /// Windows of some pixels at the corners, the middles of the sides and the middle of an image.
