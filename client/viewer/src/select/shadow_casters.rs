@@ -4,6 +4,7 @@
 //! is selected if its shadow volume meets the frustum and, where occlusion is known, a node that is not occluded. Nodes that are
 //! also in view are drawn as finely as the view asks for; the shadow casters fill in the rest, more coarsely.
 
+use super::context::has_known_children;
 use super::cull;
 use super::priority::{self, PriorityGroup, RequestReason, TileRequest};
 use super::screen_error::ErrorMetric;
@@ -24,7 +25,7 @@ const MAX_DOUBLINGS: u32 = 8;
 /// What the rays towards the sun need, besides the draw list.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ShadowCasters {
-    /// Resident nodes, ancestors before their descendants. Must not be evicted.
+    /// Resident nodes, ancestors before their descendants, without those whose children replace them. Must not be evicted.
     pub nodes: Vec<NodeIndex>,
     /// Tiles to fetch, most important first.
     pub requests: Vec<TileRequest>,
@@ -83,30 +84,45 @@ impl ShadowWalker<'_> {
         let mut casters = ShadowCasters::default();
         let mut open = vec![root];
         while let Some(index) = open.pop() {
-            let node = self.tree.node(index);
-            let sweep = self.shadow_sweep(node);
-            if self.mesh_leaves.contains(&index)
-                || !cull::is_swept_box_in_view(&self.planes, node.centre, node.half, sweep)
-                || !self.may_shade_receiver(node, sweep)
-            {
+            if !self.may_cast(index) {
                 continue;
             }
+            let node = self.tree.node(index);
             casters.pages += self.tree.node_pages(index);
             casters.visited.push(index);
             if casters.pages > self.view.budget_pages || casters.visited.len() > self.view.budget_nodes as usize {
                 return None;
             }
-            let error_px = self.error_px(node, sweep);
-            if node.tile.is_resident() {
+            let error_px = self.error_px(node, self.shadow_sweep(node));
+            let is_refined = error_px > self.tau_px;
+            if !node.tile.is_resident() {
+                if !node.tile.is_bad() {
+                    casters.requests.push(request(TileKey::block_map(node.id), error_px));
+                }
+            } else if !(is_refined && self.is_replaced(node)) {
                 casters.nodes.push(index);
-            } else if !node.tile.is_bad() {
-                casters.requests.push(request(TileKey::block_map(node.id), error_px));
             }
-            if error_px > self.tau_px {
+            if is_refined {
                 self.refine(node, error_px, &mut open, &mut casters);
             }
         }
         Some(casters)
+    }
+
+    /// Whether the shadow volume of a node meets the view, and the node casts no shadow as a mesh already.
+    fn may_cast(&self, index: NodeIndex) -> bool {
+        let node = self.tree.node(index);
+        let sweep = self.shadow_sweep(node);
+        !self.mesh_leaves.contains(&index)
+            && cull::is_swept_box_in_view(&self.planes, node.centre, node.half, sweep)
+            && self.may_shade_receiver(node, sweep)
+    }
+
+    /// Whether the children of a node cast all of its shadows. Its own columns would also be seen where it has no child: coarse ground
+    /// reaches further than fine ground does, and deep below the plane.
+    fn is_replaced(&self, node: &TreeNode) -> bool {
+        let is_settled = |child: &NodeIndex| self.tree.node(*child).tile.is_resident() || !self.may_cast(*child);
+        has_known_children(node) && node.children.iter().flatten().all(is_settled)
     }
 
     /// Adds the known children of a node, and requests its subtree if there are others.

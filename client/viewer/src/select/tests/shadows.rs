@@ -21,6 +21,9 @@ fn shadow_casters_cover_the_way_from_receivers_to_the_sun() {
         all = shadow_casters(&view, sun, &tree, None);
     }
     let all = ids_of(&tree, &all.nodes);
+    // The coarse columns of a node would be seen where it has no child.
+    let is_ancestor = |a: &TileId, of: &TileId| a.level() < of.level() && of.ancestor(a.level()) == Some(*a);
+    assert!(all.iter().all(|a| !all.iter().any(|b| is_ancestor(a, b))));
     let contains = |casters: &[TileId], leaf: TileId| (2..=DEPTH).any(|l| casters.contains(&leaf.ancestor(l).unwrap()));
     let planes = view.planes();
     let ground = |i: u32| DVec3::new(f64::from(i % 200) * 10.0 + 5.0, f64::from(i / 200) * 10.0 + 5.0, 0.1);
