@@ -112,17 +112,22 @@ impl<'a> DepthPicture<'a> {
         out
     }
 
-    /// How much of a line a pixel has, 0 to 1.
+    /// How much of a line a pixel has, 0 to 1. What is nearer than its next neighbours must be nearer than those behind them, too: a ray
+    /// that slips between two tiles leaves a hole of one pixel, and around that is no silhouette.
     #[inline]
     fn line(&self, at: IVec2) -> f32 {
         if !self.distances[(at.y * self.size.x + at.x) as usize].is_finite() {
             return 0.0;
         }
         let own = self.at(at);
-        let across = own - 0.5 * (self.at(at - IVec2::X) + self.at(at + IVec2::X));
-        let down = own - 0.5 * (self.at(at - IVec2::Y) + self.at(at + IVec2::Y));
-        let nearer = (across.max(down) / own - LINE_BEGIN) / (LINE_FULL - LINE_BEGIN);
-        let t = nearer.clamp(0.0, 1.0);
+        let nearer = |step: IVec2| own - 0.5 * (self.at(at - step) + self.at(at + step));
+        let least = LINE_BEGIN * own;
+        let [mut across, mut down] = [nearer(IVec2::X), nearer(IVec2::Y)];
+        if across.max(down) <= least {
+            return 0.0;
+        }
+        (across, down) = (across.min(nearer(IVec2::X * 2)), down.min(nearer(IVec2::Y * 2)));
+        let t = ((across.max(down) - least) / (own * (LINE_FULL - LINE_BEGIN))).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t) * (1.0 - 1.0 / (own * LINE_FAR_M)).clamp(0.0, 1.0)
     }
 
@@ -234,6 +239,30 @@ mod tests {
         };
         let distances: Vec<f32> = (0..size.x * size.y).map(distance).collect();
         shades(&frame, &distances).unwrap()
+    }
+
+    #[test]
+    fn holes_of_one_pixel_have_no_lines() {
+        let frame = FrameUniform {
+            forward: [0.0, 1.0, 0.0],
+            right: [0.5, 0.0, 0.0],
+            up: [0.0, 0.0, 0.5],
+            width_px: SIDE,
+            height_px: SIDE,
+            shading: Shading::Lit as u32,
+            edges: [0.34, 0.0, 0.0, 0.0],
+            ..FrameUniform::zeroed()
+        };
+        let least = |far: &dyn Fn(u32, u32) -> bool| {
+            let distance = |i: u32| if far(i % SIDE, i / SIDE) { 200.0 } else { 100.0 };
+            let distances: Vec<f32> = (0..SIDE * SIDE).map(distance).collect();
+            shades(&frame, &distances).unwrap().into_iter().fold(1.0, f32::min)
+        };
+        assert!(least(&|x, y| (x, y) == (32, 32)) > 0.99);
+        // A border of two surfaces.
+        assert!(least(&|x, _| x >= 32) < 0.7);
+        // A mast of one pixel.
+        assert!(least(&|x, _| x != 32) < 0.7);
     }
 
     #[test]

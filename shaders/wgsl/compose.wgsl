@@ -42,13 +42,23 @@ fn edge_factor(at: vec2<i32>) -> f32 {
     return factor;
 }
 
-// How much of a line a pixel has.
+// How much of a line a pixel has. Around a hole of one pixel is none.
 fn line(at: vec2<i32>) -> f32 {
     let own = inverse_depth(at);
-    let across = own - 0.5 * (inverse_depth(at - vec2<i32>(1, 0)) + inverse_depth(at + vec2<i32>(1, 0)));
-    let down = own - 0.5 * (inverse_depth(at - vec2<i32>(0, 1)) + inverse_depth(at + vec2<i32>(0, 1)));
-    let t = clamp((max(across, down) / own - LINE_BEGIN) / (LINE_FULL - LINE_BEGIN), 0.0, 1.0);
+    let least = LINE_BEGIN * own;
+    let across = nearer(at, own, vec2<i32>(1, 0));
+    let down = nearer(at, own, vec2<i32>(0, 1));
+    if max(across, down) <= least {
+        return 0.0;
+    }
+    let most = max(min(across, nearer(at, own, vec2<i32>(2, 0))), min(down, nearer(at, own, vec2<i32>(0, 2))));
+    let t = clamp((most - least) / (own * (LINE_FULL - LINE_BEGIN)), 0.0, 1.0);
     return t * t * (3.0 - 2.0 * t) * clamp(1.0 - 1.0 / (own * LINE_FAR_M), 0.0, 1.0);
+}
+
+// How much nearer a pixel is than the mean of two others on opposite sides, in inverse depth.
+fn nearer(at: vec2<i32>, own: f32, step: vec2<i32>) -> f32 {
+    return own - 0.5 * (inverse_depth(at - step) + inverse_depth(at + step));
 }
 
 // Mean shade of the four blocks around a pixel, which have the taps of all phases.
