@@ -7,14 +7,13 @@ use crate::crs::{System, resolve};
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
 use insula_source::remote::is_address;
-use insula_source::source::{CitySource, PLACE_FILE, read_sibling};
+use insula_source::source::{CitySource, METADATA_FILE, PLACE_FILE, read_sibling};
 use serde::Deserialize;
 use std::io::ErrorKind;
 
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 64 << 10;
-/// In the folder of a mesh, or in one above.
-const METADATA_FILE: &str = "metadata.xml";
+/// Folders above that of a mesh in which its `metadata.xml` is looked for.
 const FOLDERS_ABOVE: usize = 3;
 
 /// Turn and size of a mesh before it is placed.

@@ -13,6 +13,8 @@ use std::rc::Rc;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
 pub const PLACE_FILE: &str = ".place.json";
+/// Name of a file that places the mesh files in its folder and below, or tells of other files.
+pub const METADATA_FILE: &str = "metadata.xml";
 
 /// Progress of reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,7 +92,8 @@ pub fn kind_by_name(name: &str) -> Option<SourceKind> {
     // Some servers and mail programs add it.
     let name =
         name.strip_suffix(".txt").filter(|name| name.ends_with("json") || name.ends_with(".csv")).unwrap_or(&name);
-    if name.ends_with(PLACE_FILE) {
+    let is_metadata = name.strip_suffix(METADATA_FILE).is_some_and(|folder| folder.is_empty() || folder.ends_with('/'));
+    if is_metadata || name.ends_with(PLACE_FILE) {
         return None;
     }
     match name.rsplit_once('.')?.1 {
@@ -233,6 +236,7 @@ mod tests {
         assert_eq!(kind_by_name("c.parq"), Some(SourceKind::GeoParquet));
         assert_eq!(kind_by_name("c.OSM.PBF"), Some(SourceKind::OpenStreetMap));
         assert_eq!(kind_by_name("c.gml"), Some(SourceKind::Xml));
+        assert_eq!((kind_by_name("a_metadata.xml"), kind_by_name("a/metadata.xml")), (Some(SourceKind::Xml), None));
         assert_eq!(kind_by_name("b.mtl"), None);
         assert_eq!(kind_by_name("json"), None);
     }
