@@ -92,7 +92,7 @@ pub(super) fn read_objects(
     tick: &dyn Fn(usize, &mut dyn ObjectSink),
 ) -> Result<(), InputError> {
     if shared.transform.is_none() && look_untransformed(batch.vertices) {
-        sink.problem(NO_TRANSFORM, format!("{}: they are whole numbers of a large range of heights", shared.label));
+        sink.problem(NO_TRANSFORM, "they are whole numbers of a large range of heights".to_owned());
     }
     let outlines: Vec<(&str, Option<ObjectOutline<'_>>)> =
         batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();
