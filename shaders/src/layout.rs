@@ -205,7 +205,7 @@ pub struct FrameUniform {
     /// Fog of a [`Look`](crate::look::Look): metres from the camera at which it begins, the inverse of its depth in metres, and the
     /// inverse of the distance in metres from the city at which the land around has faded. Without fog, all are 0.
     pub fog: [f32; 4],
-    /// West, south, east and north end of the city, in metres from the camera.
+    /// West, south, east and north end of the city and of the land between it and the camera, in metres from the camera.
     pub city: [f32; 4],
     /// Strength of lines at silhouettes and of shade where surfaces meet, each 0 to 1, then twice 0. Rays do not read it.
     pub edges: [f32; 4],

@@ -354,7 +354,8 @@ fn fog_around(manifest: &Manifest, eye: DVec3, low_sun: f64) -> ([f32; 4], [f32;
     let middle = DVec3::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low_m);
     let back_m = (middle.distance(eye) - FOG_REACH * half_m).max(0.0);
     let fog = [start * half_m + back_m, 1.0 / (depth * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
-    let city = [west - eye.x, south - eye.y, east - eye.x, north - eye.y];
+    // What lies between the eye and the city does not fade: fog in front of it would hide its foreground.
+    let city = [(west - eye.x).min(0.0), (south - eye.y).min(0.0), (east - eye.x).max(0.0), (north - eye.y).max(0.0)];
     (fog.map(|v| v as f32), city.map(|v| v as f32))
 }
 
@@ -421,5 +422,14 @@ mod tests {
         assert!((start_m(10_000.0) - near_m - (10_000.0 - FOG_REACH * 2500.0)).abs() < 1.0);
         let ([evening_m, density, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0, 0.0), 1.0);
         assert!(f64::from(evening_m) < 0.6 * near_m && f64::from(density) * FOG_DEPTH[0] * 2500.0 > 2.0);
+    }
+
+    #[test]
+    fn land_before_the_city_does_not_fade() {
+        let (focus, bounds) = ([[0.0, 0.0], [3000.0, 4000.0]], [[0.0; 3], [3000.0, 4000.0, 50.0]]);
+        let manifest = Manifest { focus, bounds, ..empty_manifest(2) };
+        let city = |eye: DVec3| fog_around(&manifest, eye, 0.0).1;
+        assert_eq!(city(DVec3::new(500.0, 1000.0, 90.0)), [-500.0, -1000.0, 2500.0, 3000.0]);
+        assert_eq!(city(DVec3::new(500.0, -1000.0, 90.0)), [-500.0, 0.0, 2500.0, 5000.0]);
     }
 }
