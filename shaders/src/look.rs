@@ -30,9 +30,11 @@ const DUSK_DEG: [f32; 2] = [-4.0, 6.0];
 const TWILIGHT_DEG: [f32; 2] = [-9.0, 4.0];
 /// Share of the sun's colour that becomes grey, at a low sun and by day.
 const SUN_GREY: [f32; 2] = [0.22, 0.62];
-/// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by. What reaches
-/// walls from sky and ground is multiplied by more: a wall in shade is not darker than the street before it.
+/// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by: what reaches
+/// surfaces that face up by least, so that the lightness of shadows on open ground is lower by a quarter to three tenths, of which fog
+/// takes some. What reaches walls from sky and ground is multiplied by most: a wall in shade is not darker than the street before it.
 const FILL_GREY: [f32; 2] = [0.30, 0.50];
+const SKY_UP_GAIN: [f32; 2] = [1.25, 1.2];
 const FILL_GAIN: [f32; 2] = [1.25, 1.4];
 const WALL_GAIN: [f32; 2] = [1.25, 1.64];
 /// Factors of the visible sky's light and of its saturation.
@@ -148,8 +150,9 @@ fn model(mut light: Light, sun_z: f32) -> Light {
     light.sun = graded(light.sun, by_day(SUN_GREY), 1.0);
     let awake = smooth(DUSK_DEG, height_deg);
     let grey = by_day(FILL_GREY);
-    let [gain, wall_gain] = [FILL_GAIN, WALL_GAIN].map(|gain| 1.0 + (by_day(gain) - 1.0) * awake);
-    for colour in [&mut light.sky_up, &mut light.facade_sun, &mut light.facade_sky] {
+    let [up_gain, gain, wall_gain] = [SKY_UP_GAIN, FILL_GAIN, WALL_GAIN].map(|gain| 1.0 + (by_day(gain) - 1.0) * awake);
+    light.sky_up = graded(light.sky_up, grey, up_gain);
+    for colour in [&mut light.facade_sun, &mut light.facade_sky] {
         *colour = graded(*colour, grey, gain);
     }
     for colour in [
@@ -245,6 +248,18 @@ mod tests {
             let open = rgb(light.sun) * height_deg.to_radians().sin() + rgb(light.sky_up);
             let shown = PLASTER * open.dot(LUMINANCE) * light.grade[0];
             assert!((shown - PLASTER_SHOWN).abs() < 0.02, "{height_deg}: {shown}");
+        }
+    }
+
+    #[test]
+    fn shadows_on_open_ground_are_clear_and_not_black() {
+        for height_deg in [30.0, 37.0, 45.0] {
+            let light = at(Look::Model, height_deg);
+            let shade = rgb(light.sky_up).dot(LUMINANCE);
+            let lit = rgb(light.sun).dot(LUMINANCE) * height_deg.to_radians().sin() + shade;
+            // Lightness goes with the cube root; that of sunlit ground is 0.84.
+            let darker = 0.84 * (1.0 - (shade / lit).cbrt());
+            assert!((0.22..0.36).contains(&darker), "{height_deg}: {darker}");
         }
     }
 
