@@ -334,9 +334,10 @@ fn edges_of(settings: &RenderSettings) -> [f32; 4] {
 }
 
 /// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it: by day, and under a low
-/// sun. Then the sky is much brighter than the land, which would end in a grey band.
-const FOG_START: [f64; 2] = [0.9, 0.5];
-const FOG_DEPTH: [f64; 2] = [5.0, 2.2];
+/// sun. Then the sky is much brighter than the land, which would end in a grey band; but less than half of the light of a first view's
+/// far side may be fog's, or an evening looks like smog.
+const FOG_START: [f64; 2] = [0.9, 0.7];
+const FOG_DEPTH: [f64; 2] = [5.0, 3.5];
 /// A camera that is further than this multiple from the city's middle, as that of an upright picture, takes the fog along: it would
 /// hide the city.
 const FOG_REACH: f64 = 1.7;
@@ -421,7 +422,10 @@ mod tests {
         assert_eq!([0.0, 4000.0].map(start_m), [near_m; 2]);
         assert!((start_m(10_000.0) - near_m - (10_000.0 - FOG_REACH * 2500.0)).abs() < 1.0);
         let ([evening_m, density, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0, 0.0), 1.0);
-        assert!(f64::from(evening_m) < 0.6 * near_m && f64::from(density) * FOG_DEPTH[0] * 2500.0 > 2.0);
+        assert!(f64::from(evening_m) < 0.8 * near_m && f64::from(density) * FOG_DEPTH[0] * 2500.0 > 1.4);
+        // The far side of a first view under a low sun.
+        let deep = (2.7 * 2500.0 - f64::from(evening_m)) * f64::from(density);
+        assert!(1.0 - (-deep.powf(1.25)).exp() < 0.5, "{deep}");
     }
 
     #[test]
