@@ -34,7 +34,7 @@ const SUN_GREY: [f32; 2] = [0.22, 0.62];
 /// surfaces that face up by least, so that the lightness of shadows on open ground is lower by a quarter to three tenths, of which fog
 /// takes some. What reaches walls from sky and ground is multiplied by most: a wall in shade is not darker than the street before it.
 const FILL_GREY: [f32; 2] = [0.30, 0.50];
-const SKY_UP_GAIN: [f32; 2] = [1.25, 1.2];
+const SKY_UP_GAIN: [f32; 2] = [1.25; 2];
 const FILL_GAIN: [f32; 2] = [1.25, 1.4];
 const WALL_GAIN: [f32; 2] = [1.25, 1.64];
 /// Factors of the visible sky's light and of its saturation.
