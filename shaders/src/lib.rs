@@ -11,6 +11,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod grid;
+mod lanes;
 pub mod layout;
 pub mod light;
 pub mod look;

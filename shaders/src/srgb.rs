@@ -1,5 +1,6 @@
 //! sRGB, and linear light. GPU twin: `shade.wgsl`.
 
+use crate::lanes::{F, LaneFloats, LaneMask, LaneWords, Lanes, OneLane, U, Vec3s, always, horner};
 use glam::Vec3;
 
 /// The power 2.4 of sRGB's transfer function as a polynomial: coefficients of x^0 to x^2, and of x^3 to x^5. After encoding it
@@ -9,18 +10,27 @@ pub(crate) const POWER_HIGH: Vec3 = Vec3::new(0.884_235_6, -0.432_712, 0.123_526
 
 /// Linear light of an sRGB value, both 0 to 1 (IEC 61966-2-1).
 pub fn linear_of_srgb(v: f32) -> f32 {
-    if v <= 0.04045 {
-        return v / 12.92;
-    }
-    let x = (v + 0.055) / 1.055;
+    linear(OneLane, v)
+}
+
+/// The same.
+#[inline(always)]
+fn linear<S: Lanes>(simd: S, v: F<S>) -> F<S> {
     let (low, high) = (POWER_LOW, POWER_HIGH);
-    ((((high.z * x + high.y) * x + high.x) * x + low.z) * x + low.y) * x + low.x
+    let power = horner(simd, (v + 0.055) / 1.055, [high.z, high.y, high.x, low.z, low.y, low.x]);
+    v.above(0.04045).select(power, v / 12.92)
 }
 
 /// 8-bit sRGB channels of a texel as linear light.
 pub fn linear_of(texel: u32) -> Vec3 {
-    let channel = |shift: u32| linear_of_srgb((texel >> shift & 255) as f32 / 255.0);
-    Vec3::new(channel(0), channel(8), channel(16))
+    linear_colours(OneLane, texel).into()
+}
+
+/// The same.
+#[inline(always)]
+pub(crate) fn linear_colours<S: Lanes>(simd: S, texel: U<S>) -> Vec3s<S> {
+    let channel = always!(|shift: u32| linear(simd, ((texel >> shift) & 255).to_floats() / 255.0));
+    Vec3s::new(channel(0), channel(8), channel(16))
 }
 
 /// The sRGB value of linear light, both 0 to 1.

@@ -3,6 +3,7 @@
 
 use crate::atmosphere::LUMINANCE;
 use crate::compose::shades;
+use crate::lanes::{F, LaneFloats, LaneInts, LaneMask, LaneWords, Lanes, OneLane, U, Vec3s, always};
 use crate::layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading};
 use crate::parallel::*;
 use crate::srgb::{encode_srgb, encoded};
@@ -48,20 +49,33 @@ pub(crate) const AGX_GAMMA: f32 = 2.2;
 /// A radiance in 32 bits: nine for each component and five for a common exponent, as in the texture format RGB9E5. Negative
 /// values become 0.
 pub fn encode_radiance(rgb: Vec3) -> u32 {
-    let rgb = rgb.clamp(Vec3::ZERO, Vec3::splat(MAX_RADIANCE));
+    encode_radiances(rgb.into())
+}
+
+/// The same of each ray.
+#[inline(always)]
+pub(crate) fn encode_radiances<S: Lanes>(rgb: Vec3s<S>) -> U<S> {
+    let rgb = rgb.clamped(0.0, MAX_RADIANCE);
     // Half of the last bit, so that the largest component is not rounded up beyond its bits.
     let bits = rgb.max_element().to_bits() + (1 << (22 - MANTISSA_BITS + 1));
-    let exponent = ((bits >> 23) as i32 - 127).max(-1 - EXPONENT_BIAS);
-    let scale = f32::from_bits(((127 + MANTISSA_BITS as i32 - 1 - exponent) as u32) << 23);
-    let mantissa = |v: f32| ((v * scale + 0.5) as u32).min((1 << MANTISSA_BITS) - 1);
-    mantissa(rgb.x) | mantissa(rgb.y) << 9 | mantissa(rgb.z) << 18 | ((exponent + 1 + EXPONENT_BIAS) as u32) << 27
+    let exponent = ((bits >> 23).to_ints() - 127).at_least(-1 - EXPONENT_BIAS);
+    let scale = ((-exponent + (127 + MANTISSA_BITS as i32 - 1)).to_words() << 23).bits_to_floats();
+    let mantissa = always!(|v: F<S>| (v * scale + 0.5).whole().at_most((1 << MANTISSA_BITS) - 1));
+    let exponent = (exponent + (1 + EXPONENT_BIAS)).to_words() << 27;
+    mantissa(rgb.x) | (mantissa(rgb.y) << 9) | (mantissa(rgb.z) << 18) | exponent
 }
 
 /// The radiance in such a word.
 pub fn decode_radiance(word: u32) -> Vec3 {
-    let scale = f32::from_bits((127 + (word >> 27) - EXPONENT_BIAS as u32 - MANTISSA_BITS) << 23);
-    let mantissa = |shift: u32| (word >> shift & ((1 << MANTISSA_BITS) - 1)) as f32;
-    Vec3::new(mantissa(0), mantissa(9), mantissa(18)) * scale
+    decode_radiances::<OneLane>(word).into()
+}
+
+/// The same of each ray.
+#[inline(always)]
+pub(crate) fn decode_radiances<S: Lanes>(word: U<S>) -> Vec3s<S> {
+    let scale = (((word >> 27) + (127 - EXPONENT_BIAS as u32 - MANTISSA_BITS)) << 23).bits_to_floats();
+    let mantissa = always!(|shift: u32| ((word >> shift) & ((1 << MANTISSA_BITS) - 1)).to_floats());
+    Vec3s::new(mantissa(0), mantissa(9), mantissa(18)).scale(scale)
 }
 
 /// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours; `hits` are
@@ -76,9 +90,9 @@ pub fn develop(frame: &FrameUniform, words: &[u32], hits: &[u32], distances: &[f
     let shades = shades(frame, distances);
     let develop = |(i, word): (usize, &u32)| {
         let shade = shades.as_ref().and_then(|shades| shades.get(i)).copied().unwrap_or(1.0);
-        let light = decode_radiance(*word) * (exposure * shade);
-        let codes = if is_graded { tables.neutral_codes(light, longer) } else { tables.codes(light) };
-        dithered(codes, (i % width) as u32, (i / width) as u32)
+        let light = decode_radiances::<OneLane>(*word) * (exposure * shade);
+        let graded = is_graded.then_some(longer);
+        dithered(tables.codes(OneLane, light, graded), (i % width) as u32, (i / width) as u32)
     };
     words.par_iter().enumerate().map(develop).collect()
 }
@@ -143,12 +157,21 @@ pub(crate) const METER_LEAST: f32 = 1e-6;
 
 /// The bin of a radiance's logarithm: by exponent and mantissa, because logarithms would take longer than drawing the sky.
 fn meter_bin(rgb: Vec3) -> usize {
-    let luminance = rgb.dot(LUMINANCE).max(METER_LEAST);
+    meter_bins(OneLane, rgb.into()) as usize
+}
+
+/// The same of each ray.
+#[inline(always)]
+pub(crate) fn meter_bins<S: Lanes>(simd: S, rgb: Vec3s<S>) -> U<S> {
+    let luminance = rgb.dot(Vec3s::splat(simd, LUMINANCE)).at_least(METER_LEAST);
     let bits = luminance.to_bits();
-    let stops = (bits >> 23) as i32 - 127 - METER_MIN_LOG2 as i32;
-    let mantissa = f32::from_bits(bits & 0x7f_ffff | 1.0f32.to_bits());
-    let above = METER_EDGES.iter().filter(|edge| mantissa >= **edge).count() as i32;
-    (stops * METER_BINS_PER_STOP as i32 + above).clamp(0, METER_BINS as i32 - 1) as usize
+    let stops = (bits >> 23).to_ints() - (127 + METER_MIN_LOG2 as i32);
+    let mantissa = ((bits & 0x7f_ffff) | 1.0f32.to_bits()).bits_to_floats();
+    let mut bin = stops * METER_BINS_PER_STOP as i32;
+    for edge in METER_EDGES {
+        bin = bin + mantissa.below(edge).select_i(simd.splat_i(0), simd.splat_i(1));
+    }
+    bin.at_least(0).at_most(METER_BINS as i32 - 1).to_words()
 }
 
 /// Mean log2 of the luminances in the meter's bins.
@@ -213,32 +236,42 @@ impl DisplayTables {
         }
     }
 
-    /// Codes in sRGB, 0 to 255, of an exposed radiance.
-    fn codes(&self, rgb: Vec3) -> Vec3 {
-        let curve = (AGX_IN * rgb).map(|v| self.curve(v));
-        let grey = Vec3::splat(curve.dot(LUMINANCE));
-        let saturated = (grey + (curve - grey) * AGX_SATURATION).max(Vec3::ZERO);
-        (AGX_OUT * saturated).map(|v| {
-            let place = v.clamp(0.0, 1.0) * CODE_STEPS as f32;
-            let [code, step] = self.codes[place as usize];
-            code + step * place.fract()
-        })
+    /// Codes in sRGB, 0 to 255, of exposed radiances. `graded` is how much longer a graded picture is exposed.
+    #[inline(always)]
+    pub(crate) fn codes<S: Lanes>(&self, simd: S, rgb: Vec3s<S>, graded: Option<f32>) -> Vec3s<S> {
+        if let Some(longer) = graded {
+            return neutral(simd, rgb, longer).map(always!(|v: F<S>| code_at(
+                simd,
+                &self.root_codes,
+                v.clamped(0.0, 1.0).sqrt()
+            )));
+        }
+        let curve = rgb.transformed(&AGX_IN).map(always!(|v: F<S>| self.curve(simd, v)));
+        let grey = curve.dot(Vec3s::splat(simd, LUMINANCE));
+        let saturated = curve.map(always!(|v: F<S>| ((v - grey) * AGX_SATURATION + grey).at_least(0.0)));
+        saturated.transformed(&AGX_OUT).map(always!(|v: F<S>| code_at(simd, &self.codes, v.clamped(0.0, 1.0))))
     }
 
-    /// The same of a graded picture.
-    fn neutral_codes(&self, rgb: Vec3, longer: f32) -> Vec3 {
-        neutral(rgb, longer).map(|v| {
-            let place = v.clamp(0.0, 1.0).sqrt() * CODE_STEPS as f32;
-            let [code, step] = self.root_codes[place as usize];
-            code + step * place.fract()
-        })
+    #[inline(always)]
+    fn curve<S: Lanes>(&self, simd: S, v: F<S>) -> F<S> {
+        let above = v.at_least(CURVE_MIN).to_bits() - CURVE_MIN.to_bits();
+        let part = (above & ((1 << CURVE_SHIFT) - 1)).to_floats() / (1 << CURVE_SHIFT) as f32;
+        between(simd, &self.curve, (above >> CURVE_SHIFT).at_most(CURVE_LAST), part)
     }
+}
 
-    fn curve(&self, v: f32) -> f32 {
-        let above = v.max(CURVE_MIN).to_bits() - CURVE_MIN.to_bits();
-        let [value, step] = self.curve[(above >> CURVE_SHIFT).min(CURVE_LAST) as usize];
-        value + step * ((above & ((1 << CURVE_SHIFT) - 1)) as f32 / (1 << CURVE_SHIFT) as f32)
-    }
+/// The code at places from 0 to 1 in a table.
+#[inline(always)]
+fn code_at<S: Lanes>(simd: S, table: &DisplayTable<CODE_PLACES>, v: F<S>) -> F<S> {
+    let place = v * CODE_STEPS as f32;
+    between(simd, table, place.whole(), fraction::<S>(place))
+}
+
+/// Between the entries `at` and the next ones of a table.
+#[inline(always)]
+fn between<S: Lanes, const PLACES: usize>(simd: S, table: &DisplayTable<PLACES>, at: U<S>, part: F<S>) -> F<S> {
+    let [value, step] = simd.pairs(always!(|lane: usize| bytemuck::cast(table[at.lane(lane) as usize % PLACES])));
+    value.bits_to_floats() + step.bits_to_floats() * part
 }
 
 /// The table of a function of whole numbers up to `last`.
@@ -249,23 +282,22 @@ fn table_of<const PLACES: usize>(last: usize, value: impl Fn(usize) -> f32) -> D
 /// The tone curve of graded pictures: linear up to [`NEUTRAL_START`], then a shoulder, on which colours turn white. (Khronos PBR Neutral
 /// Tone Mapper, 2024, without its offset for dark colours, which would grey them.) What a `longer` exposure adds fades towards bright
 /// places, so that the sky above a street in shade does not burn out.
-fn neutral(rgb: Vec3, longer: f32) -> Vec3 {
+#[inline(always)]
+fn neutral<S: Lanes>(simd: S, rgb: Vec3s<S>, longer: f32) -> Vec3s<S> {
     let peak = rgb.max_element();
     let bright = peak / (longer * ROLL_OFF);
-    let share = (1.0 + (longer - 1.0) / (1.0 + bright * bright)) / longer;
-    let (rgb, peak) = (rgb * share, peak * share);
-    if peak <= NEUTRAL_START {
-        return rgb;
-    }
+    let share = (simd.splat(longer - 1.0) / (bright * bright + 1.0) + 1.0) / longer;
+    let (rgb, peak) = (rgb.scale(share), peak * share);
     let range = 1.0 - NEUTRAL_START;
-    let shown = 1.0 - range * range / (peak + range - NEUTRAL_START);
-    let kept = 1.0 / (NEUTRAL_DESATURATION * (peak - shown) + 1.0);
-    Vec3::splat(shown) + (rgb * (shown / peak) - shown) * kept
+    let shown = (simd.splat(range * range) / (peak + range - NEUTRAL_START)).rest();
+    let kept = simd.splat(1.0) / ((peak - shown) * NEUTRAL_DESATURATION + 1.0);
+    let (is_bright, share) = (peak.above(NEUTRAL_START), shown / peak);
+    rgb.map(always!(|v: F<S>| is_bright.select((v * share - shown) * kept + shown, v)))
 }
 
 /// Colour, r, g, b, 255 in sRGB, of an exposed radiance in a graded picture.
 pub fn graded_colour(exposed: Vec3) -> u32 {
-    encode_srgb(neutral(exposed, 1.0))
+    encode_srgb(neutral(OneLane, exposed.into(), 1.0).into())
 }
 
 /// AgX's curve with the contrast of [`AGX_POWER`]: Wrensch's polynomial in the logarithm.
@@ -276,17 +308,29 @@ fn agx_curve(v: f32) -> f32 {
 }
 
 /// A pixel in sRGB, rounded up or down by a pattern that has no visible structure, so that skies have no bands.
-fn dithered(codes: Vec3, x: u32, y: u32) -> u32 {
-    let noise = gradient_noise(x, y);
-    let channel = |v: f32| (v + noise).min(255.0) as u32;
-    channel(codes.x) | channel(codes.y) << 8 | channel(codes.z) << 16 | 255 << 24
+#[inline(always)]
+pub(crate) fn dithered<S: Lanes>(codes: Vec3s<S>, x: U<S>, y: U<S>) -> U<S> {
+    let noise = gradient_noises::<S>(x, y);
+    let channel = always!(|v: F<S>| (v + noise).at_most(255.0).whole());
+    channel(codes.x) | (channel(codes.y) << 8) | (channel(codes.z) << 16) | (255 << 24)
 }
 
 /// From 0 to 1, as different as possible in pixels next to each other (Jimenez, "Next Generation Post Processing in Call of
 /// Duty", 2014: interleaved gradient noise).
 pub(crate) fn gradient_noise(x: u32, y: u32) -> f32 {
+    gradient_noises::<OneLane>(x, y)
+}
+
+#[inline(always)]
+fn gradient_noises<S: Lanes>(x: U<S>, y: U<S>) -> F<S> {
     let [scale, across, down] = NOISE;
-    (scale * (across * x as f32 + down * y as f32).fract()).fract()
+    fraction::<S>(fraction::<S>(x.to_floats() * across + y.to_floats() * down) * scale)
+}
+
+/// What is beyond the whole parts, of values in the range of `i32`.
+#[inline(always)]
+fn fraction<S: Lanes>(v: F<S>) -> F<S> {
+    v - v.to_ints().to_floats()
 }
 
 /// Factors of [`gradient_noise`].
@@ -315,12 +359,13 @@ mod tests {
     #[test]
     fn the_tone_curve_keeps_order_and_greys() {
         let tables = DisplayTables::new();
-        let grey = |stops: f32| tables.codes(Vec3::splat(stops.exp2()));
+        let codes = |rgb: Vec3| Vec3::from(tables.codes(OneLane, rgb.into(), None));
+        let grey = |stops: f32| codes(Vec3::splat(stops.exp2()));
         let greys: Vec<Vec3> = (-20..60).map(|i| grey(i as f32 / 6.0)).collect();
         assert!(greys.windows(2).all(|pair| pair[0].x <= pair[1].x + 0.01));
         assert!(greys.iter().all(|v| v.max_element() - v.min_element() < 1.5), "{greys:?}");
         assert!(grey(-2.5).x > 90.0 && greys[79].x > 243.0, "{} {}", grey(-2.5), greys[79]);
-        assert!(tables.codes(Vec3::ZERO).max_element() < 1.0);
+        assert!(codes(Vec3::ZERO).max_element() < 1.0);
     }
 
     #[test]
@@ -328,9 +373,10 @@ mod tests {
         let tables = DisplayTables::new();
         for i in -1500..500 {
             let v = (i as f32 / 97.0).exp2();
-            assert!((tables.curve(v) - agx_curve(v)).abs() < 5e-6, "{v}: {}, not {}", tables.curve(v), agx_curve(v));
+            let (found, expected) = (tables.curve(OneLane, v), agx_curve(v));
+            assert!((found - expected).abs() < 5e-6, "{v}: {found}, not {expected}");
         }
-        assert_eq!(tables.curve(f32::INFINITY), tables.curve(1e5));
+        assert_eq!(tables.curve(OneLane, f32::INFINITY), tables.curve(OneLane, 1e5));
     }
 
     #[test]
@@ -375,6 +421,7 @@ mod tests {
     #[test]
     fn the_neutral_curve_is_linear_and_then_turns_white() {
         let tables = DisplayTables::new();
+        let neutral = |rgb: Vec3, longer: f32| Vec3::from(neutral(OneLane, rgb.into(), longer));
         assert_eq!(neutral(Vec3::new(0.7, 0.2, 0.1), 1.0), Vec3::new(0.7, 0.2, 0.1));
         // By hand: range 0.24, 1 - 0.0576 / 0.48 = 0.88.
         assert!((neutral(Vec3::ONE, 1.0) - 0.88).abs().max_element() < 1e-6);
@@ -389,8 +436,9 @@ mod tests {
             longer(0.75)
         );
         assert!((0..400).all(|i| longer(i as f32 / 100.0) < longer((i + 1) as f32 / 100.0)));
+        let code = |v: f32| tables.codes(OneLane, Vec3::splat(v).into(), Some(1.0)).x;
         // sRGB of 0.2140 is 0.5.
-        assert!((tables.neutral_codes(Vec3::splat(0.214_04), 1.0).x - 127.5).abs() < 0.1);
-        assert!(tables.neutral_codes(Vec3::splat(0.001), 1.0).x - 3.3 < 0.1);
+        assert!((code(0.214_04) - 127.5).abs() < 0.1);
+        assert!(code(0.001) - 3.3 < 0.1);
     }
 }

@@ -4,6 +4,7 @@
 //! Here a NaN gives the second argument, as on most graphics devices.
 
 use super::ray::MIN_DIRECTION;
+use crate::lanes::{F, LaneFloats, LaneWords, Lanes, horner};
 use glam::{IVec2, Vec2, Vec3};
 
 #[inline]
@@ -53,29 +54,29 @@ pub(super) const EXP_HIGH: Vec3 = Vec3::new(0.055_818_675, 0.008_990_996_5, 0.00
 pub(super) const EXP_MIN: f32 = -126.0;
 
 /// The exponential function, with a relative error of 4e-7 near 0.
-#[inline]
-pub(super) fn exp(v: f32) -> f32 {
-    let y = fast_min(fast_max(v * std::f32::consts::LOG2_E, EXP_MIN), -EXP_MIN);
-    let whole = floor(y);
-    let f = y - whole as f32;
+#[inline(always)]
+pub(super) fn exp<S: Lanes>(simd: S, v: F<S>) -> F<S> {
+    let y = (v * std::f32::consts::LOG2_E).clamped(EXP_MIN, -EXP_MIN);
+    let whole = y.floor();
     let (low, high) = (EXP_LOW, EXP_HIGH);
-    let power = ((((high.z * f + high.y) * f + high.x) * f + low.z) * f + low.y) * f + low.x;
-    power * f32::from_bits(((whole + 127) as u32) << 23)
+    let power = horner(simd, y - whole, [high.z, high.y, high.x, low.z, low.y, low.x]);
+    power * ((whole + 127.0).whole() << 23).bits_to_floats()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::OneLane;
 
     #[test]
     fn the_exponential_function_agrees_with_the_standard_library() {
         for i in -8000..100 {
             let v = i as f32 / 100.0;
-            let (found, expected) = (exp(v), v.exp());
+            let (found, expected) = (exp(OneLane, v), v.exp());
             assert!((found / expected - 1.0).abs() < 4e-7 * (1.0 + v.abs()), "{v}: {found}, not {expected}");
         }
-        assert_eq!(exp(0.0), 1.0);
-        assert!(exp(f32::NEG_INFINITY) < 1e-37 && exp(-1e9) < 1e-37);
+        assert_eq!(exp(OneLane, 0.0), 1.0);
+        assert!(exp(OneLane, f32::NEG_INFINITY) < 1e-37 && exp(OneLane, -1e9) < 1e-37);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::objects::{is_hidden, object_colour, object_of_triangle};
 use super::ray::{Ray, RayHit};
 use super::shade::linear_of;
 use super::words::halves;
+use crate::lanes::{F, LaneFloats, LaneMask, Lanes, M, OneLane, Vec3s, always};
 use crate::layout::{FrameUniform, MESH_FLAG, Shading};
 use crate::mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK};
 use glam::Vec3;
@@ -36,21 +37,31 @@ pub(crate) const MIN_COSINE: f32 = 0.15;
 pub(crate) const WIRE_SURFACE: Vec3 = Vec3::new(0.72, 0.74, 0.76);
 pub(crate) const WIRE_LINE: Vec3 = Vec3::new(0.01, 0.02, 0.06);
 
-/// The ray in steps of the mesh's grid; `t` stays in metres.
-struct MeshRay {
-    o: Vec3,
-    inv: Vec3,
+/// Rays in steps of a mesh's grid, all with the same longest axis; `t` stays in metres.
+pub(super) struct MeshRays<S: Lanes> {
+    pub(super) simd: S,
+    o: Vec3s<S>,
+    inv: Vec3s<S>,
     /// First word of the palette, 0 without one.
     palette: u32,
     /// Vec4s of a triangle.
-    stride: u32,
-    /// Number of the longest axis of the direction.
-    axis: usize,
-    /// Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
+    pub(super) stride: u32,
+    /// Factors of the coordinate on the longest axis in the two others, which turn points from the origin on into a picture in which the
     /// ray is a point, and its factor in `t`.
-    shear: [f32; 3],
+    shear: [F<S>; 3],
     /// Sign of the second coordinate of that picture.
-    side: f32,
+    side: F<S>,
+}
+
+/// Where rays meet a triangle.
+pub(super) struct TriangleHits<S: Lanes> {
+    /// The rays that do.
+    pub(super) lanes: M<S>,
+    pub(super) t: F<S>,
+    /// Shares of the second and third corner.
+    pub(super) u: F<S>,
+    pub(super) v: F<S>,
+    pub(super) is_front: M<S>,
 }
 
 /// The nearest triangle so far.
@@ -82,16 +93,22 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let whole = ray.read_vec4(head + 2);
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
     let o = (ray.segment.origin - zero) / step_m;
-    let mut mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero), whole[3]);
-    mesh_ray.stride = triangle_stride(info);
-    let [enter_m, exit_m] = box_span(&mesh_ray, whole);
+    let d = (ray.segment.dir / step_m).map(nonzero);
+    let length = d.abs();
+    let axis = match () {
+        () if length.z >= length.x.max(length.y) => 2,
+        () if length.y >= length.x => 1,
+        () => 0,
+    };
+    let mesh_ray = MeshRays::new(OneLane, (o.into(), d.into()), axis, (triangle_stride(info), whole[3]));
+    let [enter_m, exit_m] = mesh_ray.box_span(whole);
     let reach_m = ray.segment.reach_m.min(ray.hit.distance_m);
     if enter_m > exit_m || enter_m > reach_m {
         return;
     }
     let reach_m = reach_m.min(exit_m + 1.0);
     let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true, object: 0 };
-    match mesh_ray.axis {
+    match axis {
         2 => nearest_triangle::<2>(ray, &mesh_ray, info[0], &mut mesh_hit),
         1 => nearest_triangle::<1>(ray, &mesh_ray, info[0], &mut mesh_hit),
         _ => nearest_triangle::<0>(ray, &mesh_ray, info[0], &mut mesh_hit),
@@ -106,28 +123,27 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     hit_triangle(ray, index, step_m, info, &mesh_hit);
 }
 
-impl MeshRay {
-    /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013).
-    fn new(o: Vec3, d: Vec3, palette: u32) -> Self {
-        let inv = 1.0 / d;
-        let length = d.abs();
-        let axis = match () {
-            () if length.z >= length.x.max(length.y) => 2,
-            () if length.y >= length.x => 1,
-            () => 0,
-        };
+impl<S: Lanes> MeshRays<S> {
+    /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013). Last are the vec4s of a triangle,
+    /// and the first word of the palette.
+    #[inline(always)]
+    pub(super) fn new(simd: S, (o, d): (Vec3s<S>, Vec3s<S>), axis: usize, (stride, palette): (u32, u32)) -> Self {
+        let one = simd.splat(1.0);
+        let inv = Vec3s::new(one / d.x, one / d.y, one / d.z);
+        let sign = always!(|v: F<S>| v.below(0.0).select(-one, one));
         // The cross product of the two other axes points along the ray.
-        let (a, b, side) = match axis {
-            2 => (d.x, d.y, d.z.signum()),
-            1 => (d.x, d.z, -d.y.signum()),
-            _ => (d.y, d.z, d.x.signum()),
+        let (a, b, side, along) = match axis {
+            2 => (d.x, d.y, sign(d.z), inv.z),
+            1 => (d.x, d.z, -sign(d.y), inv.y),
+            _ => (d.y, d.z, sign(d.x), inv.x),
         };
-        Self { o, inv, palette, stride: 2, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
+        Self { simd, o, inv, palette, stride, shear: [a * along, side * b * along, along], side }
     }
 
-    /// A point's two coordinates across the ray, and the one along the longest axis.
-    fn shear<const AXIS: usize>(&self, p: Vec3) -> [f32; 3] {
-        let p = p - self.o;
+    /// A point's two coordinates across the rays, and the one along the longest axis.
+    #[inline(always)]
+    fn shear<const AXIS: usize>(&self, p: Vec3) -> [F<S>; 3] {
+        let p = Vec3s::splat(self.simd, p) - self.o;
         let (a, b, along) = match AXIS {
             2 => (p.x, p.y, p.z),
             1 => (p.x, p.z, p.y),
@@ -135,18 +151,83 @@ impl MeshRay {
         };
         [a - self.shear[0] * along, self.side * b - self.shear[1] * along, along]
     }
-}
 
-/// The interval of the ray inside a box, in metres. Empty if the first value is larger.
-fn box_span(mesh_ray: &MeshRay, words: [u32; 4]) -> [f32; 2] {
-    let (x, y, z) = (halves(words[0]), halves(words[1]), halves(words[2]));
-    let low = (Vec3::new(x.x, y.x, z.x) - BOX_SLACK - mesh_ray.o) * mesh_ray.inv;
-    let high = (Vec3::new(x.y, y.y, z.y) + BOX_SLACK - mesh_ray.o) * mesh_ray.inv;
-    [low.min(high).max_element().max(0.0), low.max(high).min_element()]
+    /// The intervals of the rays inside a box, in metres. Empty if the first value is larger.
+    #[inline(always)]
+    pub(super) fn box_span(&self, words: [u32; 4]) -> [F<S>; 2] {
+        let span = always!(|word: u32, o: F<S>, inv: F<S>| {
+            let ends = halves(word);
+            let low = (self.simd.splat(ends.x - BOX_SLACK) - o) * inv;
+            let high = (self.simd.splat(ends.y + BOX_SLACK) - o) * inv;
+            [low.min_of(high), low.max_of(high)]
+        });
+        let x = span(words[0], self.o.x, self.inv.x);
+        let y = span(words[1], self.o.y, self.inv.y);
+        let z = span(words[2], self.o.z, self.inv.z);
+        [x[0].max_of(y[0]).max_of(z[0]).at_least(0.0), x[1].min_of(y[1]).min_of(z[1])]
+    }
+
+    /// Watertight, from both sides (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): both triangles at an
+    /// edge compute the same two products of its ends, so a ray that passes one of them within rounding meets the other.
+    /// Comparisons with a NaN are false.
+    #[inline(always)]
+    pub(super) fn meet_triangle<const AXIS: usize>(
+        &self,
+        [a, b, c]: [Vec3; 3],
+        lanes: M<S>,
+    ) -> Option<TriangleHits<S>> {
+        let (a, b, c) = (self.shear::<AXIS>(a), self.shear::<AXIS>(b), self.shear::<AXIS>(c));
+        let products = [b[0] * c[1], c[0] * a[1], a[0] * b[1]];
+        let others = [b[1] * c[0], c[1] * a[0], a[1] * b[0]];
+        let sides = [products[0] - others[0], products[1] - others[1], products[2] - others[2]];
+        let low = sides[0].min_of(sides[1]).min_of(sides[2]);
+        let high = sides[0].max_of(sides[1]).max_of(sides[2]);
+        // Most rays pass the edges by far more than rounding can change.
+        let size = always!(|p: [F<S>; 3]| p[0].abs().max_of(p[1].abs()));
+        let largest = size(a).max_of(size(b)).max_of(size(c));
+        let most = largest * largest * (2.0 * EDGE_SLACK);
+        let (above, below) = (most.is_less(high), low.is_less(-most));
+        let mut lanes = lanes & !(above & below);
+        if !lanes.any() {
+            return None;
+        }
+        let (is_back, mut is_front) = (low.at_or_above(0.0) & above, high.at_or_below(0.0) & below);
+        let near_edge = lanes & !is_back & !is_front;
+        if near_edge.any() {
+            let [back, front] = self.sides_near_edges(products, others, sides);
+            // Both: the ray sees the triangle edge-on, and meets its neighbours.
+            lanes = lanes & !(near_edge & !(back ^ front));
+            is_front = is_front | (near_edge & front);
+        }
+        let sign = is_front.select(self.simd.splat(-1.0), self.simd.splat(1.0));
+        let weight = always!(|side: F<S>| (sign * side).at_least(0.0));
+        let (wa, wb, wc) = (weight(sides[0]), weight(sides[1]), weight(sides[2]));
+        let scale = self.simd.splat(1.0) / (wa + wb + wc);
+        let (u, v) = (wb * scale, wc * scale);
+        let t = (wa * scale * a[2] + u * b[2] + v * c[2]) * self.shear[2];
+        Some(TriangleHits { lanes, t, u, v, is_front })
+    }
+
+    /// Whether rays see a triangle's back, and its front, or pass it within rounding.
+    #[inline(always)]
+    fn sides_near_edges(&self, products: [F<S>; 3], others: [F<S>; 3], sides: [F<S>; 3]) -> [M<S>; 2] {
+        let [mut back, mut front] = [self.simd.splat_m(true); 2];
+        for i in 0..3 {
+            let slack = (products[i].abs() + others[i].abs()) * EDGE_SLACK;
+            back = back & (sides[i] + slack).at_or_above(0.0);
+            front = front & (sides[i] - slack).at_or_below(0.0);
+        }
+        [back, front]
+    }
 }
 
 /// Sets `mesh_hit` to the nearest triangle, or towards the sun to any triangle. `AXIS` is the ray's longest.
-fn nearest_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, root: u32, mesh_hit: &mut MeshHit) {
+fn nearest_triangle<const AXIS: usize>(
+    ray: &mut Ray<'_>,
+    mesh_ray: &MeshRays<OneLane>,
+    root: u32,
+    mesh_hit: &mut MeshHit,
+) {
     let mut stack = [PendingHalf::default(); TRAVERSAL_STACK];
     let mut height = 0;
     let mut reference = root;
@@ -161,7 +242,7 @@ fn nearest_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, ro
             }
         } else {
             let (a, b) = (ray.read_vec4(at), ray.read_vec4(at + 1));
-            let (span_a, span_b) = (box_span(mesh_ray, a), box_span(mesh_ray, b));
+            let (span_a, span_b) = (mesh_ray.box_span(a), mesh_ray.box_span(b));
             let meets_a = span_a[0] <= span_a[1] && span_a[0] <= mesh_hit.t;
             let meets_b = span_b[0] <= span_b[1] && span_b[0] <= mesh_hit.t;
             let a_first = meets_a && (!meets_b || span_a[0] <= span_b[0]);
@@ -200,42 +281,11 @@ fn read_corners(ray: &mut Ray<'_>, at: u32) -> [Vec3; 3] {
     unpack_corners(words, last)
 }
 
-/// Watertight, from both sides (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): both triangles at an
-/// edge compute the same two products of its ends, so a ray that passes one of them within rounding meets the other.
-/// Comparisons with a NaN are false.
-fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u32, mesh_hit: &mut MeshHit) {
+/// Sets `mesh_hit` to a triangle if the ray meets it before.
+fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRays<OneLane>, at: u32, mesh_hit: &mut MeshHit) {
     ray.counts.cells += 1;
-    let [a, b, c] = read_corners(ray, at).map(|corner| mesh_ray.shear::<AXIS>(corner));
-    let products = [b[0] * c[1], c[0] * a[1], a[0] * b[1]];
-    let others = [b[1] * c[0], c[1] * a[0], a[1] * b[0]];
-    let sides = [products[0] - others[0], products[1] - others[1], products[2] - others[2]];
-    let (low, high) = (sides[0].min(sides[1]).min(sides[2]), sides[0].max(sides[1]).max(sides[2]));
-    // Most rays pass the edges by far more than rounding can change.
-    let size = |p: [f32; 3]| p[0].abs().max(p[1].abs());
-    let largest = size(a).max(size(b)).max(size(c));
-    let most = largest * largest * (2.0 * EDGE_SLACK);
-    if low < -most && high > most {
-        return;
-    }
-    let is_front = if low >= 0.0 && high > most {
-        false
-    } else if high <= 0.0 && low < -most {
-        true
-    } else {
-        let slack = |i: usize| (products[i].abs() + others[i].abs()) * EDGE_SLACK;
-        let is_back = (0..3).all(|i| sides[i] + slack(i) >= 0.0);
-        let is_front = (0..3).all(|i| sides[i] - slack(i) <= 0.0);
-        // Both: the ray sees the triangle edge-on, and meets its neighbours.
-        if is_back == is_front {
-            return;
-        }
-        is_front
-    };
-    let sign = if is_front { -1.0 } else { 1.0 };
-    let weights = sides.map(|side| (sign * side).max(0.0));
-    let scale = 1.0 / (weights[0] + weights[1] + weights[2]);
-    let [wa, wb, wc] = weights.map(|weight| weight * scale);
-    let t = (wa * a[2] + wb * b[2] + wc * c[2]) * mesh_ray.shear[2];
+    let Some(met) = mesh_ray.meet_triangle::<AXIS>(read_corners(ray, at), true) else { return };
+    let TriangleHits { lanes: true, t, u, v, is_front } = met else { return };
     let tie = TIE_M + TIE_SHARE * t;
     if !(t >= 0.0 && t < mesh_hit.t + tie) {
         return;
@@ -244,7 +294,7 @@ fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u
     if is_hidden(ray, object) {
         return;
     }
-    let found = MeshHit { t, triangle: at, u: wb, v: wc, is_front, object };
+    let found = MeshHit { t, triangle: at, u, v, is_front, object };
     if t < mesh_hit.t - tie || wins_tie(ray, &found, mesh_hit) {
         *mesh_hit = found;
     }

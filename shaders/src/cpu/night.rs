@@ -4,6 +4,7 @@ use super::node::column_word;
 use super::ray::SceneRef;
 use super::surface::{SurfaceSample, rgb};
 use super::words::low_of;
+use crate::lanes::{LaneWords, Lanes, OneLane, U};
 use crate::layout::FrameUniform;
 use glam::{DVec3, IVec3, Vec3};
 
@@ -132,15 +133,17 @@ fn covered(v: f32, low: f32, high: f32, footprint: f32) -> f32 {
 /// A word whose bits depend on all bits of a lattice cell's coordinates. It is the same on all devices.
 pub fn scramble_cell(cell: IVec3) -> u32 {
     let [x, y, z] = cell.as_uvec3().to_array();
+    let scramble = scramble::<OneLane>;
     scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z))
 }
 
 /// A word whose bits depend on all bits of another (Wang's integer hash, 2007).
-pub(super) fn scramble(word: u32) -> u32 {
-    let mut h = (word ^ 61) ^ (word >> 16);
-    h = h.wrapping_mul(9);
-    h ^= h >> 4;
-    h = h.wrapping_mul(0x27d4_eb2d);
+#[inline(always)]
+pub(super) fn scramble<S: Lanes>(word: U<S>) -> U<S> {
+    let h = (word ^ 61) ^ (word >> 16);
+    let h = h.wrapping_mul(9);
+    let h = h ^ (h >> 4);
+    let h = h.wrapping_mul(0x27d4_eb2d);
     h ^ (h >> 15)
 }
 

@@ -4,7 +4,8 @@
 //! repeats and has the same lattice on all devices. Lengths are in cells of the lattice.
 
 use super::night::scramble;
-use glam::{Mat3, Vec3, Vec4, Vec4Swizzles};
+use crate::lanes::{F, LaneFloats, LaneMask, LaneWords, Lanes, M, OneLane, U, Vec3s, always};
+use glam::{Mat3, Vec3, Vec4};
 
 /// Factor by which [`perlin`] stays between -1 and 1: the largest sum of gradients, in the middle of a cell, is 1.5.
 pub(crate) const NOISE_SCALE: f32 = 2.0 / 3.0;
@@ -24,86 +25,163 @@ pub(crate) const OCTAVE_TURN: Mat3 = Mat3::from_cols(
 /// Least footprint in cells: below, filters divide by almost nothing.
 pub(crate) const MIN_FOOTPRINT: f32 = 1e-6;
 
+/// Slope and value of noise.
+#[derive(Clone, Copy)]
+pub(super) struct NoisePoint<S: Lanes> {
+    pub(super) slope: Vec3s<S>,
+    pub(super) value: F<S>,
+}
+
+impl<S: Lanes> NoisePoint<S> {
+    #[inline(always)]
+    fn lerp(&self, other: &Self, share: F<S>) -> Self {
+        Self { slope: self.slope.lerp(other.slope, share), value: self.value.lerp(other.value, share) }
+    }
+}
+
 /// Perlin's gradient noise: the slope at `p` in x, y and z, and the value, -1 to 1 with mean 0, in w.
-#[inline]
 pub fn perlin(p: Vec3) -> Vec4 {
-    let cell = p.floor();
-    let [x, y, z] = cell.as_ivec3().as_uvec3().to_array();
-    let f = p - cell;
-    let west = [scramble(x), scramble(x.wrapping_add(1))];
-    let column = |i: usize, j: u32| scramble(west[i].wrapping_add(y.wrapping_add(j)));
+    let found = noise_at(OneLane, p.into());
+    Vec3::from(found.slope).extend(found.value)
+}
+
+/// The same.
+#[inline(always)]
+pub(super) fn noise_at<S: Lanes>(simd: S, p: Vec3s<S>) -> NoisePoint<S> {
+    simd.call(always!(|| noise_between(simd, p)))
+}
+
+#[inline(always)]
+fn noise_between<S: Lanes>(simd: S, p: Vec3s<S>) -> NoisePoint<S> {
+    let ([x, y, z], f) = cells_of(p);
+    let next = always!(|v: U<S>, k: u32| v.wrapping_add(simd.splat_u(k)));
+    let west = [scramble::<S>(x), scramble::<S>(next(x, 1))];
+    let column = always!(|i: usize, j: u32| scramble::<S>(west[i].wrapping_add(next(y, j))));
     let columns = [column(0, 0), column(1, 0), column(0, 1), column(1, 1)];
-    let corner = |i: usize, k: u32| {
-        let gradient = gradient_of(scramble(columns[i].wrapping_add(z.wrapping_add(k))));
-        let from = f - Vec3::new((i & 1) as f32, (i >> 1) as f32, k as f32);
-        gradient.extend(gradient.dot(from))
-    };
+    let corner = always!(|i: usize, k: u32| {
+        let slope = gradient_of::<S>(scramble::<S>(columns[i].wrapping_add(next(z, k))));
+        let from = f - Vec3s::splat(simd, Vec3::new((i & 1) as f32, (i >> 1) as f32, k as f32));
+        NoisePoint { slope, value: slope.dot(from) }
+    });
     let u = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
     let slope = f * f * (f * (f - 2.0) + 1.0) * 30.0;
     let low = [corner(0, 0), corner(1, 0), corner(2, 0), corner(3, 0)];
     let high = [corner(0, 1), corner(1, 1), corner(2, 1), corner(3, 1)];
-    let (south, north) = (low[0].lerp(low[1], u.x), low[2].lerp(low[3], u.x));
-    let (south_high, north_high) = (high[0].lerp(high[1], u.x), high[2].lerp(high[3], u.x));
-    let (bottom, top) = (south.lerp(north, u.y), south_high.lerp(north_high, u.y));
-    let along = |layer: &[Vec4; 4]| {
-        let first = layer[1].w - layer[0].w;
-        first + (layer[3].w - layer[2].w - first) * u.y
-    };
+    let (south, north) = (low[0].lerp(&low[1], u.x), low[2].lerp(&low[3], u.x));
+    let (south_high, north_high) = (high[0].lerp(&high[1], u.x), high[2].lerp(&high[3], u.x));
+    let (bottom, top) = (south.lerp(&north, u.y), south_high.lerp(&north_high, u.y));
+    let along = always!(|layer: &[NoisePoint<S>; 4]| {
+        let first = layer[1].value - layer[0].value;
+        first + (layer[3].value - layer[2].value - first) * u.y
+    });
     let east = along(&low) + (along(&high) - along(&low)) * u.z;
-    let across = north.w - south.w;
-    let across = across + (north_high.w - south_high.w - across) * u.z;
-    let sum = bottom.lerp(top, u.z);
-    (sum.xyz() + slope * Vec3::new(east, across, top.w - bottom.w)).extend(sum.w) * NOISE_SCALE
+    let across = north.value - south.value;
+    let across = across + (north_high.value - south_high.value - across) * u.z;
+    let sum = bottom.lerp(&top, u.z);
+    let steepest = Vec3s::<S>::new(east, across, top.value - bottom.value);
+    NoisePoint { slope: (sum.slope + slope * steepest) * NOISE_SCALE, value: sum.value * NOISE_SCALE }
+}
+
+/// The points' cells, and the places in them.
+#[inline(always)]
+pub(super) fn cells_of<S: Lanes>(p: Vec3s<S>) -> ([U<S>; 3], Vec3s<S>) {
+    let cell = p.floor();
+    ([cell.x.whole(), cell.y.whole(), cell.z.whole()], p - cell)
 }
 
 /// A gradient, each component -1 to 1.
-fn gradient_of(hash: u32) -> Vec3 {
-    Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32) / 511.5 - 1.0
+#[inline(always)]
+fn gradient_of<S: Lanes>(hash: U<S>) -> Vec3s<S> {
+    parts_of::<S>(hash) / 511.5 - 1.0
+}
+
+/// The three numbers of ten bits in a hash.
+#[inline(always)]
+pub(super) fn parts_of<S: Lanes>(hash: U<S>) -> Vec3s<S> {
+    Vec3s::new((hash & 1023).to_floats(), ((hash >> 10) & 1023).to_floats(), ((hash >> 20) & 1023).to_floats())
 }
 
 /// Share of an octave that a footprint of `footprint` cells leaves. The noise has a wavelength of about one and a half cells: the
 /// share falls from 1 at four footprints in a wavelength to 0 at two.
-pub fn octave_share(footprint: f32) -> f32 {
-    let x = (0.75 / footprint.max(MIN_FOOTPRINT) - 1.0).clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
+#[inline(always)]
+pub(super) fn octave_share<S: Lanes>(simd: S, footprint: F<S>) -> F<S> {
+    let x = (simd.splat(0.75) / footprint.at_least(MIN_FOOTPRINT) - 1.0).clamped(0.0, 1.0);
+    x * x * (simd.splat(3.0) - x * 2.0)
 }
 
 /// The place of the next octave, whose frequency is `lacunarity` times as high.
-pub(crate) fn next_octave(p: Vec3, lacunarity: f32) -> Vec3 {
-    OCTAVE_TURN * p * lacunarity + 0.5
+#[inline(always)]
+pub(super) fn next_octave<S: Lanes>(p: Vec3s<S>, lacunarity: f32) -> Vec3s<S> {
+    p.transformed(&OCTAVE_TURN) * lacunarity + 0.5
+}
+
+/// Noise at the points in `lanes`, nothing at others.
+#[inline(always)]
+pub(super) fn noise_where<S: Lanes>(simd: S, lanes: M<S>, p: Vec3s<S>) -> NoisePoint<S> {
+    let zero = simd.splat(0.0);
+    let nothing = NoisePoint { slope: Vec3s::new(zero, zero, zero), value: zero };
+    if !lanes.any() {
+        return nothing;
+    }
+    let found = noise_at(simd, p);
+    NoisePoint { slope: Vec3s::select(lanes, found.slope, nothing.slope), value: lanes.select(found.value, zero) }
 }
 
 /// A sum of octaves of noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseSum {
+pub(super) struct NoiseSum<F> {
     /// The octaves that the footprint leaves, and the means of the others.
-    pub value: f32,
+    pub(super) value: F,
     /// Variance that the footprint took from it.
-    pub hidden: f32,
+    pub(super) hidden: F,
 }
 
-/// Fractal sum of `octaves` octaves, -1 to 1 with mean 0. Each has twice the frequency of the one before and `persistence` of its
-/// amplitude (Mischitelli, equations 4.1 and 4.2). `footprint` is in cells of the first.
-pub fn fbm(p: Vec3, octaves: u32, persistence: f32, footprint: f32) -> NoiseSum {
-    sum_octaves(p, octaves, persistence, footprint, false)
+/// Fractal sum of `octaves` octaves, -1 to 1 with mean 0, at the points in `lanes`. Each has twice the frequency of the one before and
+/// `persistence` of its amplitude (Mischitelli, equations 4.1 and 4.2). `footprint` is in cells of the first.
+#[inline(always)]
+pub(super) fn fbm<S: Lanes>(
+    simd: S,
+    lanes: M<S>,
+    p: Vec3s<S>,
+    octaves: u32,
+    persistence: f32,
+    footprint: F<S>,
+) -> NoiseSum<F<S>> {
+    sum_octaves(simd, lanes, p, (octaves, persistence, false), footprint)
 }
 
 /// The same of absolute values less their mean: creases where [`fbm`] has slopes.
-pub fn turbulence(p: Vec3, octaves: u32, persistence: f32, footprint: f32) -> NoiseSum {
-    sum_octaves(p, octaves, persistence, footprint, true)
+#[inline(always)]
+pub(super) fn turbulence<S: Lanes>(
+    simd: S,
+    lanes: M<S>,
+    p: Vec3s<S>,
+    octaves: u32,
+    persistence: f32,
+    footprint: F<S>,
+) -> NoiseSum<F<S>> {
+    sum_octaves(simd, lanes, p, (octaves, persistence, true), footprint)
 }
 
-fn sum_octaves(start: Vec3, octaves: u32, persistence: f32, start_footprint: f32, is_folded: bool) -> NoiseSum {
-    let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0);
-    let (mut sum, mut hidden, mut total) = (0.0, 0.0, 0.0);
+#[inline(always)]
+fn sum_octaves<S: Lanes>(
+    simd: S,
+    lanes: M<S>,
+    start: Vec3s<S>,
+    (octaves, persistence, is_folded): (u32, f32, bool),
+    start_footprint: F<S>,
+) -> NoiseSum<F<S>> {
+    let zero = simd.splat(0.0);
+    let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0f32);
+    let (mut sum, mut hidden, mut total) = (zero, zero, 0.0f32);
     let variance = if is_folded { NOISE_ABS_VARIANCE } else { NOISE_VARIANCE };
     for _ in 0..octaves {
-        let share = octave_share(footprint);
-        if share > 0.0 {
-            let noise = perlin(p).w;
-            sum += amplitude * share * if is_folded { noise.abs() - NOISE_ABS } else { noise };
-        }
-        hidden += amplitude * amplitude * (1.0 - share * share) * variance;
+        let share = octave_share(simd, footprint);
+        let is_left = lanes & share.above(0.0);
+        let noise = noise_where(simd, is_left, p).value;
+        let noise = if is_folded { noise.abs() - NOISE_ABS } else { noise };
+        sum = is_left.select(sum + share * amplitude * noise, sum);
+        hidden += (share * share).rest() * (amplitude * amplitude) * variance;
         total += amplitude;
         amplitude *= persistence;
         footprint *= 2.0;
@@ -116,7 +194,7 @@ fn sum_octaves(start: Vec3, octaves: u32, persistence: f32, start_footprint: f32
 mod tests {
     use super::*;
     use crate::cpu::night::scramble_cell;
-    use glam::IVec3;
+    use glam::{IVec3, Vec4Swizzles};
     use insula_test_support::rng::Rng;
 
     fn place(rng: &mut Rng, size: f64) -> Vec3 {
@@ -131,7 +209,7 @@ mod tests {
         // At a corner the slope is the gradient, and the value is 0.
         for cell in [Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(-1.0, -2.0, -3.0)] {
             let at = perlin(cell);
-            let gradient = gradient_of(hash(cell.x as i32, cell.y as i32, cell.z as i32));
+            let gradient = Vec3::from(gradient_of::<OneLane>(hash(cell.x as i32, cell.y as i32, cell.z as i32)));
             assert_eq!((at.xyz(), at.w), (gradient * NOISE_SCALE, 0.0), "{cell}");
         }
     }
@@ -190,13 +268,15 @@ mod tests {
     #[test]
     fn octaves_fade_into_their_means() {
         let mut rng = Rng::new(5);
-        assert_eq!((octave_share(0.375), octave_share(0.75), octave_share(0.0)), (1.0, 0.0, 1.0));
+        assert_eq!([0.375, 0.75, 0.0].map(|footprint| octave_share(OneLane, footprint)), [1.0, 0.0, 1.0]);
         for _ in 0..200 {
-            let p = place(&mut rng, 50.0);
-            assert_eq!(turbulence(p, 4, 0.5, 0.75).value, 0.0);
-            assert_eq!(turbulence(p, 4, 0.5, 0.375).value, turbulence(p, 1, 1.0, 0.375).value / 1.875);
+            let p = place(&mut rng, 50.0).into();
+            let sum =
+                |octaves, persistence, footprint| turbulence(OneLane, true, p, octaves, persistence, footprint).value;
+            assert_eq!(sum(4, 0.5, 0.75), 0.0);
+            assert_eq!(sum(4, 0.5, 0.375), sum(1, 1.0, 0.375) / 1.875);
         }
-        let far = fbm(Vec3::ONE, 3, 0.85, 1.0);
+        let far = fbm(OneLane, true, Vec3::ONE.into(), 3, 0.85, 1.0);
         let weights = (1.0 + 0.85 * 0.85 + 0.7225 * 0.7225) / (1.0_f32 + 0.85 + 0.7225).powi(2);
         assert!(far.value == 0.0 && (far.hidden - weights * NOISE_VARIANCE).abs() < 1e-6, "{far:?}");
     }

@@ -19,6 +19,7 @@ use super::stone::{StoneSurface, stone_surface};
 use super::translucency::{MapAxes, gathered, map_of};
 use super::walk::walk_scene;
 use super::ward::{StoneSide, reflect_stone};
+use crate::lanes::{F, Lanes, OneLane, U, Vec3s, always};
 use crate::layout::{FrameUniform, GOLDEN_TURN, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading};
 use crate::mesh::ORIGINS_PER_M;
 use crate::parallel::*;
@@ -175,26 +176,41 @@ pub(super) fn sun_axes(frame: &FrameUniform) -> [Vec3; 2] {
 
 /// A point of the sun's disc: the rays of a pixel go to points on a spiral (Vogel 1979), which is turned from pixel to pixel.
 /// `area` is the share of the disc within the point.
-fn sun_direction(frame: &FrameUniform, axes: &[Vec3; 2], area: f32, turn: Vec2) -> Vec3 {
+pub(super) fn sun_direction(frame: &FrameUniform, axes: &[Vec3; 2], area: f32, turn: Vec2) -> Vec3 {
     Vec3::from(frame.sun) + (axes[0] * turn.x + axes[1] * turn.y) * area.sqrt()
 }
 
 /// From 0 to 4,095, as even as possible: an ordered pattern of 64 x 64 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
 /// that reports the pixel's hit has the lowest.
 pub(super) fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
-    let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
-    order_of(x, y) << 6 | order_of(x >> 3, y >> 3)
+    thresholds::<OneLane>([x, y], [sample % samples, sample / samples], samples)
+}
+
+/// The same of rays in columns and rows of their pixels.
+#[inline(always)]
+pub(super) fn thresholds<S: Lanes>([x, y]: [U<S>; 2], [column, row]: [U<S>; 2], samples: u32) -> U<S> {
+    let (x, y) = (x * samples + column, y * samples + row + samples / 2);
+    (order_of::<S>(x, y) << 6) | order_of::<S>(x >> 3, y >> 3)
 }
 
 /// The order of a place in a pattern of 8 x 8.
-fn order_of(x: u32, y: u32) -> u32 {
+#[inline(always)]
+fn order_of<S: Lanes>(x: U<S>, y: U<S>) -> U<S> {
     let a = x ^ y;
-    (a & 1) << 5 | (y & 1) << 4 | (a & 2) << 2 | (y & 2) << 1 | (a & 4) >> 1 | (y & 4) >> 2
+    ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
 }
 
 fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
-    let ndc = p_px / Vec2::new(frame.width_px as f32, frame.height_px as f32) * 2.0 - 1.0;
-    (Vec3::from(frame.forward) + Vec3::from(frame.right) * ndc.x - Vec3::from(frame.up) * ndc.y).normalize_or(Vec3::X)
+    ray_directions(OneLane, frame, [p_px.x, p_px.y]).into()
+}
+
+/// The same of rays through some places of the frame.
+#[inline(always)]
+pub(super) fn ray_directions<S: Lanes>(simd: S, frame: &FrameUniform, [x, y]: [F<S>; 2]) -> Vec3s<S> {
+    let (x, y) = (x / frame.width_px as f32 * 2.0 - 1.0, y / frame.height_px as f32 * 2.0 - 1.0);
+    let axis = always!(|v: [f32; 3]| Vec3s::splat(simd, v.into()));
+    let dir = axis(frame.forward) + axis(frame.right).scale(x) - axis(frame.up).scale(y);
+    dir.normalize_or(simd, Vec3s::splat(simd, Vec3::X))
 }
 
 /// Traces a ray from the eye, and one towards the sun from what it hit.

@@ -23,7 +23,7 @@ pub(crate) const SEA_TOLERANCE: f32 = 0.05;
 pub(crate) const WATER_NORMAL_Z: f32 = 0.5;
 
 /// Whether a surface can be generated ground.
-pub(super) fn is_bare(frame: &FrameUniform, albedo: Vec3) -> bool {
+fn is_bare(frame: &FrameUniform, albedo: Vec3) -> bool {
     (albedo - rgb(frame.light.plane)).abs().max_element() <= BARE_TOLERANCE
 }
 

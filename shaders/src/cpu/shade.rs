@@ -5,15 +5,16 @@
 use super::fast_math::exp;
 use super::night::{BAYS_PER_M, moon, stars};
 use super::noise::fbm;
-use super::sea::{BARE_NORMAL_Z, SEA_FADE, is_bare, sea_share};
+use super::sea::{BARE_NORMAL_Z, BARE_TOLERANCE, SEA_FADE, sea_share};
 pub use super::surface::SurfaceSample;
 use super::surface::rgb;
 use crate::atmosphere::{MIE_G, PHASE_SCALE};
+use crate::lanes::{F, I, LaneFloats, LaneInts, LaneMask, LaneWords, Lanes, M, OneLane, U, Vec3s, always};
 use crate::layout::{FrameUniform, Light, MESH_FLAG, MESH_LEVEL, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable};
 use crate::light::SKY_LOW;
 pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
-use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
+use glam::Vec3;
 use insula_protocol::blockmap::flag;
 
 /// The sky at the horizon behind baked values, linear RGB.
@@ -84,6 +85,27 @@ impl Radiance {
     }
 }
 
+/// [`Radiance`] of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Radiances<S: Lanes> {
+    pub(super) sky: Vec3s<S>,
+    pub(super) sun: Vec3s<S>,
+}
+
+impl<S: Lanes> Radiances<S> {
+    #[inline(always)]
+    pub(super) fn splat(simd: S, light: &Radiance) -> Self {
+        Self { sky: Vec3s::splat(simd, light.sky), sun: Vec3s::splat(simd, light.sun) }
+    }
+}
+
+impl From<Radiances<OneLane>> for Radiance {
+    #[inline(always)]
+    fn from(light: Radiances<OneLane>) -> Self {
+        Self { sky: light.sky.into(), sun: light.sun.into() }
+    }
+}
+
 /// Radiance of a surface under the frame's shading, before haze.
 pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
     let SurfaceSample { albedo, ao, normal: n, .. } = *surface;
@@ -106,29 +128,52 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
 /// The unit normal by which a surface with this albedo is lit. In graded pictures bare ground has [`LEVEL_SLOPE`] less of a slope, at
 /// least none, so that what is level has no facets, and what is steeper no border.
 pub(super) fn lit_normal(frame: &FrameUniform, albedo: Vec3, normal: Vec3) -> Vec3 {
-    let is_graded = frame.light.grade[0] > 0.0 && frame.shading == Shading::Lit as u32;
-    if !is_graded || normal.z < BARE_NORMAL_Z || !is_bare(frame, albedo) {
-        return normal;
+    lit_normals(OneLane, frame, albedo.into(), normal.into()).into()
+}
+
+/// The same of surfaces with unit normals `n`.
+#[inline(always)]
+pub(super) fn lit_normals<S: Lanes>(simd: S, frame: &FrameUniform, albedo: Vec3s<S>, n: Vec3s<S>) -> Vec3s<S> {
+    if frame.light.grade[0] <= 0.0 || frame.shading != Shading::Lit as u32 {
+        return n;
     }
-    let flat = normal.xy();
-    let kept = (1.0 - LEVEL_SLOPE * normal.z / flat.length().max(1e-6)).max(0.0);
-    let lit = (flat * kept).extend(normal.z);
-    lit / lit.length()
+    let apart = (albedo - Vec3s::splat(simd, rgb(frame.light.plane))).map(always!(|v: F<S>| v.abs())).max_element();
+    let is_ground = apart.at_or_below(BARE_TOLERANCE) & n.z.at_or_above(BARE_NORMAL_Z);
+    let flat = (n.x * n.x + n.y * n.y).sqrt().at_least(1e-6);
+    let kept = (n.z * LEVEL_SLOPE / flat).rest().at_least(0.0);
+    let lit = Vec3s::<S>::new(n.x * kept, n.y * kept, n.z);
+    Vec3s::select(is_ground, lit.scale(simd.splat(1.0) / lit.dot(lit).sqrt()), n)
 }
 
 /// Light that a surface reflects.
 pub(super) fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
+    reflections(OneLane, frame, (albedo.into(), n.into(), ao)).into()
+}
+
+/// The same of surfaces with an albedo, a unit normal and a share of the sky.
+#[inline(always)]
+pub(super) fn reflections<S: Lanes>(
+    simd: S,
+    frame: &FrameUniform,
+    (albedo, n, ao): (Vec3s<S>, Vec3s<S>, F<S>),
+) -> Radiances<S> {
     let light = &frame.light;
-    let (up, upright) = (rgb(light.sky_up), n.z.abs());
+    let colour = always!(|v: [f32; 4]| Vec3s::splat(simd, rgb(v)));
+    let (up, upright) = (colour(light.sky_up), n.z.abs());
     // Openness of the surroundings: 1 for a wall or a roof without neighbours.
-    let open = (ao / (0.5 + 0.5 * upright)).min(1.0);
+    let open = (ao / (upright * 0.5 + 0.5)).at_most(1.0);
     let ahead = n.x * light.side[0] + n.y * light.side[1];
-    let wall = rgb(light.sky_wall) + rgb(light.sky_wall_ahead) * ahead + rgb(light.sky_wall_axis) * (ahead * ahead);
+    let wall = colour(light.sky_wall)
+        + colour(light.sky_wall_ahead).scale(ahead)
+        + colour(light.sky_wall_axis).scale(ahead * ahead);
     let overhead = up * ZENITH_SHARE;
-    let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
-    let returned = light_from_city(light, &Surroundings { open, below: 0.5 - 0.5 * n.z, ahead, upright }, ao);
-    let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
-    Radiance { sky: albedo * (sky + returned), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+    let sky = (overhead + (wall - overhead).scale(open)).lerp(up, upright).scale(ao);
+    let below = simd.splat(0.5) - n.z * 0.5;
+    let returned = light_from_city(simd, light, &Surroundings { open, below, ahead, upright }, ao);
+    let facing = n.dot(Vec3s::splat(simd, frame.sun.into())).at_least(0.0);
+    let sun = albedo * colour(light.sun).scale(facing);
+    let share = if frame.shadow_m > 0.0 { simd.splat(1.0) } else { sun_shares_by_sky::<S>(ao) };
+    Radiances { sky: albedo * (sky + returned), sun: sun.scale(share) }
 }
 
 /// Light of a surface of water or glass that is seen in direction `dir`: `light` below its reflection of sky, sun and city.
@@ -155,7 +200,7 @@ pub(super) fn mirrored(
     let [ground, above] = reflected_light(frame, towards, open);
     let seen = if towards.z > 0.0 { above } else { ground };
     let spread = PANES + (WAVES - PANES) * upright;
-    let glint = (-from_sun(frame, towards) / (spread * spread)).exp() / (spread * spread);
+    let glint = (-from_sun(OneLane, frame, towards.into()) / (spread * spread)).exp() / (spread * spread);
     Radiance {
         sky: light.sky + (seen - light.sky) * share,
         sun: light.sun * (1.0 - share) + rgb(of_light.sun) * (glint * share * sun_share_by_sky(frame, surface.ao)),
@@ -171,7 +216,7 @@ fn waves(frame: &FrameUniform, dir: Vec3, distance_m: f32) -> f32 {
     let [east, north, up, pixel] = frame.bays;
     let place = (dir * (distance_m * BAYS_PER_M) + Vec3::new(east, north, up)) * WAVES_PER_BAY;
     let footprint = distance_m * pixel * (BAYS_PER_M * WAVES_PER_BAY);
-    fbm(place, 3, 0.6, footprint).value * (WAVE_TILT * near)
+    fbm(OneLane, true, place.into(), 3, 0.6, footprint).value * (WAVE_TILT * near)
 }
 
 /// Light that a mirror reflects from below and from above the horizon in direction `towards`. `open`: the openness of its surroundings.
@@ -179,36 +224,43 @@ pub(super) fn reflected_light(frame: &FrameUniform, towards: Vec3, open: f32) ->
     let light = &frame.light;
     let city = rgb(light.facade_sky) + rgb(light.facade_sun) * (0.25 * open);
     let ground = rgb(light.ground_sky) + rgb(light.ground_sun) * open;
-    [ground, city + (sky(frame, towards) - city) * open]
+    [ground, city + (Vec3::from(sky(OneLane, frame, towards.into())) - city) * open]
 }
 
 /// What a surface is turned to.
-struct Surroundings {
+struct Surroundings<S: Lanes> {
     /// Openness: 1 without neighbours.
-    open: f32,
+    open: F<S>,
     /// Share of its hemisphere below the horizon.
-    below: f32,
+    below: F<S>,
     /// Cosine to the sun's azimuth.
-    ahead: f32,
+    ahead: F<S>,
     /// 1 for level surfaces, 0 for walls.
-    upright: f32,
+    upright: F<S>,
 }
 
 /// Light that ground and facades return to a surface. The deeper the street, the less of them the sun reaches. Facades opposite
 /// a wall that is turned away from the sun are those in the sun.
-fn light_from_city(light: &Light, around: &Surroundings, ao: f32) -> Vec3 {
-    let (reach, deep) = (light.sun_tan * around.open, 1.0 - around.open + 1e-6);
-    let ground = rgb(light.ground_sun) * (reach / (reach + GROUND_DEPTH * deep)) + rgb(light.ground_sky);
+#[inline(always)]
+fn light_from_city<S: Lanes>(simd: S, light: &Light, around: &Surroundings<S>, ao: F<S>) -> Vec3s<S> {
+    let colour = always!(|v: [f32; 4]| Vec3s::splat(simd, rgb(v)));
+    let (reach, deep) = (around.open * light.sun_tan, around.open.rest() + 1e-6);
+    let ground = colour(light.ground_sun).scale(reach / (reach + deep * GROUND_DEPTH)) + colour(light.ground_sky);
     let far = reach * reach.sqrt();
-    let sunlit = far / (far + FACADE_DEPTH * deep * deep) * (0.5 - 0.5 * around.ahead);
-    let facades = rgb(light.facade_sun) * sunlit + rgb(light.facade_sky) + ground * light.facade_ground;
-    let share = FACADES_BY_WALL + (FACADES_BY_GROUND - FACADES_BY_WALL) * around.upright;
-    ground * around.below + facades * (share * (1.0 - ao - around.below).max(0.0))
+    let sunlit = far / (far + deep * FACADE_DEPTH * deep) * (simd.splat(0.5) - around.ahead * 0.5);
+    let facades = colour(light.facade_sun).scale(sunlit) + colour(light.facade_sky) + ground * light.facade_ground;
+    let share = around.upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL;
+    ground.scale(around.below) + facades.scale(share * (ao.rest() - around.below).at_least(0.0))
 }
 
 /// Without shadow rays: a surface that sees little sky sees little sun. A wall in the open sees half of the sky.
 pub(super) fn sun_share_by_sky(frame: &FrameUniform, ao: f32) -> f32 {
-    if frame.shadow_m > 0.0 { 1.0 } else { (2.0 * ao + 0.25).min(1.0) }
+    if frame.shadow_m > 0.0 { 1.0 } else { sun_shares_by_sky::<OneLane>(ao) }
+}
+
+#[inline(always)]
+fn sun_shares_by_sky<S: Lanes>(ao: F<S>) -> F<S> {
+    (ao * 2.0 + 0.25).at_most(1.0)
 }
 
 /// The sky low above the horizon in a ray's direction: the light that haze adds.
@@ -220,12 +272,18 @@ pub struct Airlight {
 impl Airlight {
     /// The air's light in direction `dir`.
     pub fn new(frame: &FrameUniform, dir: Vec3) -> Self {
-        let (column, right) = sky_column(frame, dir);
-        let [smooth, forward] = [&frame.light.sky, &frame.light.glow].map(|table| sky_at(table, 0, column, right));
-        let flat = Vec2::new(dir.x, dir.y);
-        let level = (flat / flat.length().max(1e-4)).extend(SKY_LOW);
-        Self { rgb: smooth + forward * phase(frame, level) }
+        Self { rgb: airlight(OneLane, frame, dir.into()).into() }
     }
+}
+
+/// The air's light in directions `dir`.
+#[inline(always)]
+pub(super) fn airlight<S: Lanes>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> Vec3s<S> {
+    let (columns, length) = SkyColumns::new(frame, dir);
+    let row = simd.splat_i(0);
+    let (smooth, forward) = (columns.read(simd, &frame.light.sky, row), columns.read(simd, &frame.light.glow, row));
+    let level = Vec3s::new(dir.x / length, dir.y / length, simd.splat(SKY_LOW));
+    smooth + forward.scale(phase(simd, frame, level))
 }
 
 /// Light from `distance_m` away in direction `dir`, which is that of `airlight`, as it arrives at the eye.
@@ -248,20 +306,37 @@ pub(super) fn apply_haze_fading(
     if frame.shading != Shading::Lit as u32 {
         return light;
     }
-    let haze = rgb(frame.light.haze) * -distance_m - fog_depth(frame, dir * distance_m, distance_m, fade);
-    let transmitted = haze.map(exp);
-    let far = airlight.rgb;
-    Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
+    let light = Radiances::splat(OneLane, &light);
+    hazed(OneLane, frame, &light, (dir.into(), airlight.rgb.into()), (distance_m, fade)).into()
+}
+
+/// The same of each ray of a lit frame.
+#[inline(always)]
+pub(super) fn hazed<S: Lanes>(
+    simd: S,
+    frame: &FrameUniform,
+    light: &Radiances<S>,
+    (dir, airlight): (Vec3s<S>, Vec3s<S>),
+    (distance_m, fade): (F<S>, f32),
+) -> Radiances<S> {
+    let fog = fog_depth(simd, frame, (dir, distance_m), fade);
+    let transmitted =
+        Vec3s::splat(simd, rgb(frame.light.haze)).scale(-distance_m).map(always!(|v: F<S>| exp(simd, v - fog)));
+    Radiances { sky: airlight + (light.sky - airlight) * transmitted, sun: light.sun * transmitted }
 }
 
 /// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends, or what fades as that times
 /// `fade`.
-fn fog_depth(frame: &FrameUniform, place: Vec3, distance_m: f32, fade: f32) -> f32 {
+#[inline(always)]
+fn fog_depth<S: Lanes>(simd: S, frame: &FrameUniform, (dir, distance_m): (Vec3s<S>, F<S>), fade: f32) -> F<S> {
     let [start_m, density, land_fade, _] = frame.fog;
+    let [west, south, east, north] = frame.city;
     let fade = land_fade * fade;
-    let far = (distance_m - start_m).max(0.0) * density;
-    let (place, low, high) = (place.xy(), Vec4::from(frame.city).xy(), Vec4::from(frame.city).zw());
-    let away = ((low - place).max(place - high).max(Vec2::ZERO) * fade).length();
+    let far = (distance_m - start_m).at_least(0.0) * density;
+    let past =
+        always!(|place: F<S>, low: f32, high: f32| (simd.splat(low) - place).max_of(place - high).at_least(0.0) * fade);
+    let (x, y) = (past(dir.x * distance_m, west, east), past(dir.y * distance_m, south, north));
+    let away = (x * x + y * y).sqrt();
     far * far.sqrt().sqrt() + away * away.sqrt()
 }
 
@@ -295,13 +370,31 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         let near = if ground_m < f32::INFINITY { GROUND_FADE_M / (ground_m + GROUND_FADE_M) } else { 0.0 };
         return Radiance::unlit(sky.lerp(GROUND, near));
     }
+    let rays = (dir.into(), airlight.rgb.into());
     if ground_m < f32::INFINITY {
-        let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).max(0.0) * PLANE_FADE;
-        let land = reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0);
-        let land = apply_haze(frame, land, (dir, airlight), hazy_m);
+        let land = plane(OneLane, frame, rays, ground_m).into();
         return coast(frame, land, sea_share(frame, None, dir * ground_m), (dir, airlight), ground_m);
     }
-    Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
+    Radiance::unlit(open_sky(OneLane, frame, true, rays.0).into())
+}
+
+/// Light of the plane, `ground_m` away.
+#[inline(always)]
+pub(super) fn plane<S: Lanes>(
+    simd: S,
+    frame: &FrameUniform,
+    rays: (Vec3s<S>, Vec3s<S>),
+    ground_m: F<S>,
+) -> Radiances<S> {
+    let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).at_least(0.0) * PLANE_FADE;
+    let light = Radiances::splat(simd, &reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0));
+    hazed(simd, frame, &light, rays, (hazy_m, 1.0))
+}
+
+/// The sky, for the rays in `lanes`.
+#[inline(always)]
+pub(super) fn open_sky<S: Lanes>(simd: S, frame: &FrameUniform, lanes: M<S>, dir: Vec3s<S>) -> Vec3s<S> {
+    sky(simd, frame, dir) + celestial_light(simd, frame, lanes, dir)
 }
 
 /// Light of a place `distance_m` away, of which `share` is the sea beyond the city, and the rest `land`.
@@ -330,55 +423,94 @@ pub(super) fn sea(frame: &FrameUniform, (dir, airlight): (Vec3, &Airlight), dist
 
 /// Metres to that plane, infinity if the ray misses it.
 pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
-    if frame.ground == 0 || dir.z > -MIN_GROUND_DESCENT || frame.ground_z_m >= 0.0 {
-        f32::INFINITY
-    } else {
-        frame.ground_z_m / dir.z
+    ground_distances(OneLane, frame, dir.into())
+}
+
+/// The same of each ray.
+#[inline(always)]
+pub(super) fn ground_distances<S: Lanes>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> F<S> {
+    let infinity = simd.splat(f32::INFINITY);
+    if frame.ground == 0 || frame.ground_z_m >= 0.0 {
+        return infinity;
     }
+    dir.z.above(-MIN_GROUND_DESCENT).select(infinity, simd.splat(frame.ground_z_m) / dir.z)
 }
 
 /// Light that the air scatters from a direction above the horizon.
-fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
-    let light = &frame.light;
-    let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
-    let row = (height as usize).min(SKY_HEIGHTS - 2);
-    let (column, right) = sky_column(frame, dir);
-    let read = |table: &SkyTable| {
-        let at = |row: usize| sky_at(table, row, column, right);
-        at(row).lerp(at(row + 1), height - row as f32)
-    };
-    read(&light.sky) + read(&light.glow) * phase(frame, dir)
+#[inline(always)]
+fn sky<S: Lanes>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> Vec3s<S> {
+    let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).at_least(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
+    let row = height.to_ints().at_most(SKY_HEIGHTS as i32 - 2);
+    let (columns, _) = SkyColumns::new(frame, dir);
+    let above = height - row.to_floats();
+    let read =
+        always!(|table: &SkyTable| columns.read(simd, table, row).lerp(columns.read(simd, table, row + 1), above));
+    read(&frame.light.sky) + read(&frame.light.glow).scale(phase(simd, frame, dir))
 }
 
 /// Light of the sun's disc, the moon and the stars.
-fn celestial_light(frame: &FrameUniform, dir: Vec3) -> Vec3 {
+#[inline(always)]
+fn celestial_light<S: Lanes>(simd: S, frame: &FrameUniform, lanes: M<S>, dir: Vec3s<S>) -> Vec3s<S> {
     let light = &frame.light;
-    let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
-    rgb(light.sun) * (DISC * light.disc * edge) + stars(light.stars, dir) + moon(frame, dir)
+    let edge = (simd.splat(DISC_OUTER) - from_sun(simd, frame, dir)) / (DISC_OUTER - DISC_INNER);
+    let sun = Vec3s::splat(simd, rgb(light.sun)).scale(edge.clamped(0.0, 1.0) * (DISC * light.disc));
+    if light.stars <= 0.0 && light.moon[3] <= 0.0 {
+        return sun;
+    }
+    let stars = simd.each(lanes, always!(|lane: usize| stars(light.stars, dir.lane(lane))));
+    let moon = simd.each(lanes, always!(|lane: usize| moon(frame, dir.lane(lane))));
+    sun.map(always!(|v: F<S>| v + stars + moon))
 }
 
-/// Column of the sky's tables in direction `dir`, and how far the direction is towards the next one.
-fn sky_column(frame: &FrameUniform, dir: Vec3) -> (usize, f32) {
-    let flat = Vec2::new(dir.x, dir.y);
-    let along = flat.dot(Vec2::from(frame.light.side)) / flat.length().max(1e-4);
-    let column = (0.5 + 0.5 * along.clamp(-1.0, 1.0)) * (SKY_AZIMUTHS - 1) as f32;
-    let left = (column as usize).min(SKY_AZIMUTHS - 2);
-    (left, column - left as f32)
+/// Columns of the sky's tables, and how far rays are towards the next ones.
+struct SkyColumns<S: Lanes> {
+    left: I<S>,
+    right: F<S>,
 }
 
-fn sky_at(table: &SkyTable, row: usize, column: usize, right: f32) -> Vec3 {
-    rgb(table[row][column]).lerp(rgb(table[row][column + 1]), right)
+impl<S: Lanes> SkyColumns<S> {
+    /// In directions `dir`; and their horizontal lengths.
+    #[inline(always)]
+    fn new(frame: &FrameUniform, dir: Vec3s<S>) -> (Self, F<S>) {
+        let [east, north] = frame.light.side;
+        let length = (dir.x * dir.x + dir.y * dir.y).sqrt().at_least(1e-4);
+        let along = ((dir.x * east + dir.y * north) / length).clamped(-1.0, 1.0);
+        let column = (along * 0.5 + 0.5) * (SKY_AZIMUTHS - 1) as f32;
+        let left = column.to_ints().at_most(SKY_AZIMUTHS as i32 - 2);
+        (Self { left, right: column - left.to_floats() }, length)
+    }
+
+    /// Rows of a table, between the columns.
+    #[inline(always)]
+    fn read(&self, simd: S, table: &SkyTable, row: I<S>) -> Vec3s<S> {
+        let cells = table.as_flattened();
+        let first = (row * SKY_AZIMUTHS as i32 + self.left).to_words();
+        let cell = always!(|at: u32| cells.get(at as usize).copied().unwrap_or_default());
+        let common = first.lane(0);
+        if first.all_are(common) {
+            let [left, right] = [Vec3s::splat(simd, rgb(cell(common))), Vec3s::splat(simd, rgb(cell(common + 1)))];
+            return left.lerp(right, self.right);
+        }
+        let cells = always!(|at: U<S>| {
+            let [r, g, b, _] = simd.quadruples(always!(|lane: usize| bytemuck::cast(cell(at.lane(lane)))));
+            Vec3s::<S>::new(r.bits_to_floats(), g.bits_to_floats(), b.bits_to_floats())
+        });
+        cells(first).lerp(cells(first + 1), self.right)
+    }
 }
 
 /// The phase function of Henyey and Greenstein for the angle between `dir` and the sun.
-fn phase(frame: &FrameUniform, dir: Vec3) -> f32 {
-    let near = 1.0 / ((1.0 - MIE_G) * (1.0 - MIE_G) + MIE_G * from_sun(frame, dir));
-    PHASE_SCALE * near * near.sqrt()
+#[inline(always)]
+fn phase<S: Lanes>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> F<S> {
+    let near = simd.splat(1.0) / (from_sun(simd, frame, dir) * MIE_G + (1.0 - MIE_G) * (1.0 - MIE_G));
+    near * PHASE_SCALE * near.sqrt()
 }
 
 /// Squared distance from the sun on the unit sphere: precise where a cosine is not.
-fn from_sun(frame: &FrameUniform, dir: Vec3) -> f32 {
-    (dir - Vec3::from(frame.sun)).length_squared()
+#[inline(always)]
+fn from_sun<S: Lanes>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> F<S> {
+    let apart = dir - Vec3s::splat(simd, frame.sun.into());
+    apart.dot(apart)
 }
 
 #[cfg(test)]

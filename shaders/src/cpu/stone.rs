@@ -5,9 +5,13 @@
 //! covers, near and far.
 
 use super::night::scramble;
-use super::noise::{NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence};
+use super::noise::{
+    NOISE_DENSITY, NOISE_DENSITY_BEND, NoisePoint, NoiseSum, cells_of, fbm, next_octave, noise_where, octave_share,
+    parts_of, turbulence,
+};
+use crate::lanes::{F, LaneFloats, LaneMask, LaneWords, Lanes, M, OneLane, Vec2s, Vec3s, always};
 use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
-use glam::{IVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
+use glam::{Vec2, Vec3};
 
 /// Width of fine veins as a share of that of broad ones. Mischitelli's powers 2 and 64 have this ratio (section 4.3.3).
 pub(crate) const FINE_WIDTH: f32 = 0.22;
@@ -82,219 +86,329 @@ impl StoneSurface {
     }
 }
 
+/// [`StoneSurface`] of each ray, without the grain's direction.
+#[derive(Clone, Copy)]
+pub(super) struct StoneSurfaces<S: Lanes> {
+    pub(super) albedo: Vec3s<S>,
+    pub(super) f0: Vec3s<S>,
+    pub(super) alpha: Vec2s<S>,
+}
+
+impl<S: Lanes> StoneSurfaces<S> {
+    /// The surface of a ray, whose unit normal is given.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize, normal: Vec3) -> StoneSurface {
+        StoneSurface {
+            albedo: self.albedo.lane(lane),
+            f0: self.f0.lane(lane),
+            alpha: Vec2::new(self.alpha.x.lane(lane), self.alpha.y.lane(lane)),
+            tangent: tangent_of(normal),
+        }
+    }
+}
+
+/// Where rays meet a stone.
+#[derive(Clone, Copy)]
+pub(super) struct StonePoints<S: Lanes> {
+    /// Rays that do.
+    pub(super) lanes: M<S>,
+    /// Metres from the object's origin.
+    pub(super) p_m: Vec3s<S>,
+    pub(super) normal: Vec3s<S>,
+    pub(super) ao: F<S>,
+    pub(super) footprint_m: F<S>,
+}
+
+/// A stone, and the rays that meet it.
+#[derive(Clone, Copy)]
+struct StonePattern<'a, S: Lanes> {
+    simd: S,
+    stone: &'a Stone,
+    lanes: M<S>,
+}
+
 /// A stone at `p_m`, in metres from the object's origin. `normal` has unit length, `ao` is the visible share of the sky, and
 /// `footprint_m` the side in metres of what the pixel covers.
 pub fn stone_surface(stone: &Stone, p_m: Vec3, normal: Vec3, ao: f32, footprint_m: f32) -> StoneSurface {
-    let footprint = footprint_m * stone.cells_per_m;
-    let straight = p_m * stone.cells_per_m;
+    let points = StonePoints { lanes: true, p_m: p_m.into(), normal: normal.into(), ao, footprint_m };
+    stone_surfaces(OneLane, stone, &points).lane(0, normal)
+}
+
+/// The same of each ray.
+#[inline(always)]
+pub(super) fn stone_surfaces<S: Lanes>(simd: S, stone: &Stone, points: &StonePoints<S>) -> StoneSurfaces<S> {
+    let footprint = points.footprint_m * stone.cells_per_m;
+    let straight = points.p_m * stone.cells_per_m;
     // Level and upright surfaces are not along the lattice.
     let p = next_octave(straight, 1.0);
-    let (f0, alpha) = (Vec3::from(stone.f0), Vec2::from(stone.alpha));
-    let plain = StoneSurface { albedo: stone.base.into(), f0, alpha, tangent: tangent_of(normal) };
+    let here = StonePattern { simd, stone, lanes: points.lanes };
+    let [along, across] = stone.alpha;
+    let plain = StoneSurfaces {
+        albedo: here.colour(stone.base),
+        f0: here.colour(stone.f0),
+        alpha: Vec2s::<S> { x: simd.splat(along), y: simd.splat(across) },
+    };
     match stone.kind {
-        kind if kind == StoneKind::Marble as u32 => StoneSurface { albedo: marble(stone, p, footprint), ..plain },
-        kind if kind == StoneKind::Granite as u32 => StoneSurface { albedo: granite(stone, p, footprint), ..plain },
+        kind if kind == StoneKind::Marble as u32 => StoneSurfaces { albedo: here.marble(p, footprint), ..plain },
+        kind if kind == StoneKind::Granite as u32 => StoneSurfaces { albedo: here.granite(p, footprint), ..plain },
         kind if kind == StoneKind::Bronze as u32 => {
-            let exposure = PATINA_UPWARDS * normal.z + PATINA_OPEN * (ao - 0.6);
-            bronze(stone, &plain, straight, exposure, footprint)
+            let exposure = points.normal.z * PATINA_UPWARDS + (points.ao - 0.6) * PATINA_OPEN;
+            here.bronze(&plain, straight, exposure, footprint)
         }
         kind if kind == StoneKind::Limestone as u32 => {
-            StoneSurface { albedo: limestone(stone, straight, footprint), ..plain }
+            StoneSurfaces { albedo: here.limestone(straight, footprint), ..plain }
         }
         kind if kind == StoneKind::Wood as u32 => {
-            StoneSurface { albedo: limestone(stone, wood_place(straight), footprint), ..plain }
+            StoneSurfaces { albedo: here.limestone(wood_place(straight), footprint), ..plain }
         }
         _ => plain,
     }
 }
 
 /// Horizontal unit vector across `normal`.
-pub(super) fn tangent_of(normal: Vec3) -> Vec3 {
+fn tangent_of(normal: Vec3) -> Vec3 {
     let length = Vec2::new(normal.x, normal.y).length();
     if length > 1e-3 { Vec3::new(-normal.y / length, normal.x / length, 0.0) } else { Vec3::X }
 }
 
-/// Noise and slope at `p`, faded out by a footprint.
-fn faded_noise(p: Vec3, footprint: f32) -> Vec4 {
-    let share = octave_share(footprint);
-    if share > 0.0 { perlin(p) * share } else { Vec4::ZERO }
-}
-
-/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3). Either kind has places of its own, where it is strong.
-fn marble(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
-    let p = straight * Vec3::new(VEIN_STRETCH, 1.0, 1.0);
-    let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
-    let quick = faded_noise(next_octave(p, CRINKLE_FREQUENCY), footprint * CRINKLE_FREQUENCY);
-    let places = fbm(next_octave(p, PLACE_FREQUENCY), 2, 0.6, footprint * PLACE_FREQUENCY);
-    let bent = p + (slow.xyz() + quick.xyz() * CRINKLE) * stone.bend;
-    let width = stone.vein_width * (1.0 + WIDTH_VARIATION * slow.w).max(MIN_WIDTH);
-    let broad = veins(stone, bent, width, footprint, BROAD_LACUNARITY);
-    let fine_start = next_octave(bent, FINE_LACUNARITY);
-    let fine = veins(stone, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
-    let strength = |veins: u32, blend: f32, contrast: f32| {
-        if stone.veins & veins != 0 { blend * ramp(0.0, &places, contrast) } else { 0.0 }
-    };
-    let tone = (1.0 + stone.variation * (broad.cloud + 2.0 * places.value)).max(0.0);
-    let ground = Vec3::from(stone.base) * tone;
-    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0], PLACE_CONTRAST));
-    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1], -PLACE_CONTRAST))
-}
-
 /// Veins at a point.
-struct VeinSum {
+struct VeinSum<S: Lanes> {
     /// Share that they cover.
-    share: f32,
+    share: F<S>,
     /// Sum of the noise whose zeros they are.
-    cloud: f32,
+    cloud: F<S>,
 }
 
-/// Octaves of veins, each where its noise is 0. The powers of [`vein_profile`] and the steps are those of the report, but for the
-/// small part of the broad veins in the fine ones, which nobody would see.
-fn veins(stone: &Stone, start: Vec3, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
-    let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0);
-    let (mut share, mut cloud) = (0.0, 0.0);
-    let mean = vein_mean(width, 0.0);
-    for _ in 0..stone.octaves {
-        let left = octave_share(footprint);
-        let mut vein = mean;
-        if left > 0.0 {
-            let noise = perlin(p);
-            // Where the place is bent, the noise is steeper than its slope.
-            let spread = noise.xyz().length() * footprint * (1.0 + BENT_SLOPE * stone.bend);
-            vein += left * (vein_profile(noise.w, spread, width) - vein_mean(width, spread));
-            cloud += noise.w * left * amplitude;
+impl<S: Lanes> StonePattern<'_, S> {
+    #[inline(always)]
+    fn colour(&self, rgb: [f32; 3]) -> Vec3s<S> {
+        Vec3s::splat(self.simd, rgb.into())
+    }
+
+    #[inline(always)]
+    fn mix(&self, a: Vec3s<S>, b: [f32; 3], share: F<S>) -> Vec3s<S> {
+        a.lerp(self.colour(b), share)
+    }
+
+    /// Noise and slope at `p`, faded out by a footprint.
+    #[inline(always)]
+    fn faded_noise(&self, p: Vec3s<S>, footprint: F<S>) -> NoisePoint<S> {
+        let share = octave_share(self.simd, footprint);
+        let found = noise_where(self.simd, self.lanes & share.above(0.0), p);
+        NoisePoint { slope: found.slope.scale(share), value: found.value * share }
+    }
+
+    #[inline(always)]
+    fn fbm(&self, p: Vec3s<S>, octaves: u32, persistence: f32, footprint: F<S>) -> NoiseSum<F<S>> {
+        fbm(self.simd, self.lanes, p, octaves, persistence, footprint)
+    }
+
+    /// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3). Either kind has places of its own, where it is strong.
+    #[inline(always)]
+    fn marble(&self, straight: Vec3s<S>, footprint: F<S>) -> Vec3s<S> {
+        let (simd, stone) = (self.simd, self.stone);
+        let p = straight * Vec3s::splat(simd, Vec3::new(VEIN_STRETCH, 1.0, 1.0));
+        let slow = self.faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
+        let quick = self.faded_noise(next_octave(p, CRINKLE_FREQUENCY), footprint * CRINKLE_FREQUENCY);
+        let places = self.fbm(next_octave(p, PLACE_FREQUENCY), 2, 0.6, footprint * PLACE_FREQUENCY);
+        let bent = p + (slow.slope + quick.slope * CRINKLE) * stone.bend;
+        let width = (slow.value * WIDTH_VARIATION + 1.0).at_least(MIN_WIDTH) * stone.vein_width;
+        let broad = self.veins(bent, width, footprint, BROAD_LACUNARITY);
+        let fine_start = next_octave(bent, FINE_LACUNARITY);
+        let fine = self.veins(fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
+        let strength = always!(|veins: u32, blend: f32, contrast: f32| {
+            let zero = simd.splat(0.0);
+            if stone.veins & veins != 0 { self.ramp(zero, &places, contrast) * blend } else { zero }
+        });
+        let tone = ((broad.cloud + places.value * 2.0) * stone.variation + 1.0).at_least(0.0);
+        let ground = self.colour(stone.base).scale(tone);
+        let broad_share = broad.share * strength(BROAD_VEINS, stone.blend[0], PLACE_CONTRAST);
+        let veined = self.mix(ground, stone.vein, broad_share);
+        self.mix(veined, stone.grain, fine.share * strength(FINE_VEINS, stone.blend[1], -PLACE_CONTRAST))
+    }
+
+    /// Octaves of veins, each where its noise is 0. The powers of [`Self::vein_profile`] and the steps are those of the report, but for
+    /// the small part of the broad veins in the fine ones, which nobody would see.
+    #[inline(always)]
+    fn veins(&self, start: Vec3s<S>, width: F<S>, start_footprint: F<S>, lacunarity: f32) -> VeinSum<S> {
+        let (simd, stone) = (self.simd, self.stone);
+        let zero = simd.splat(0.0);
+        let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0f32);
+        let (mut share, mut cloud) = (zero, zero);
+        let mean = self.vein_mean(width, zero);
+        for _ in 0..stone.octaves {
+            let left = octave_share(simd, footprint);
+            let is_left = self.lanes & left.above(0.0);
+            let mut vein = mean;
+            if is_left.any() {
+                let noise = noise_where(simd, is_left, p);
+                // Where the place is bent, the noise is steeper than its slope.
+                let spread = noise.slope.dot(noise.slope).sqrt() * footprint * (1.0 + BENT_SLOPE * stone.bend);
+                let above = left * (self.vein_profile(noise.value, spread, width) - self.vein_mean(width, spread));
+                vein = is_left.select(mean + above, mean);
+                cloud = is_left.select(cloud + noise.value * left * amplitude, cloud);
+            }
+            share += share.rest() * vein * amplitude;
+            amplitude /= VEIN_FALL;
+            p = next_octave(p, lacunarity);
+            footprint *= lacunarity;
         }
-        share += (1.0 - share) * vein * amplitude;
-        amplitude /= VEIN_FALL;
-        p = next_octave(p, lacunarity);
-        footprint *= lacunarity;
+        VeinSum { share, cloud }
     }
-    VeinSum { share, cloud }
-}
 
-/// Mean of [`vein_profile`] over all places where the noise has this spread: the integral of a vein times the noise's density around
-/// 0, which falls to the sides.
-fn vein_mean(width: f32, spread: f32) -> f32 {
-    let density = NOISE_DENSITY / (1.0 - NOISE_DENSITY_BEND / (24.0 * NOISE_DENSITY) * spread * spread);
-    width * (density * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0)
-}
-
-/// Mean of a vein over a footprint in which the noise goes from `noise - spread / 2` to `noise + spread / 2`. Across a vein, its
-/// share is `(1 - (noise / width)^2)^2`: it has the half width of the report's powers of `smoothstep`, and its integral is a polynomial.
-fn vein_profile(noise: f32, spread: f32, width: f32) -> f32 {
-    let half = 0.5 * (spread / width).max(0.02);
-    let middle = noise / width;
-    (vein_integral(middle + half) - vein_integral(middle - half)) / (2.0 * half)
-}
-
-fn vein_integral(at: f32) -> f32 {
-    let u = at.clamp(-1.0, 1.0);
-    let square = u * u;
-    u * (1.0 + square * (square * 0.2 - 2.0 / 3.0))
-}
-
-/// Grains of feldspar and quartz, and smaller ones of mica between them. The noise is that of the report's section 4.4: few octaves
-/// with a high persistence.
-fn granite(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
-    let bend = faded_noise(next_octave(p, GRAIN_BEND_FREQUENCY), footprint * GRAIN_BEND_FREQUENCY);
-    let bent = p + bend.xyz() * stone.bend;
-    let large = grains(bent, footprint, stone.blend[0]);
-    let mica = grains(next_octave(bent, MICA_FREQUENCY), footprint * MICA_FREQUENCY, stone.blend[1]);
-    let specks = fbm(p, stone.octaves, GRANITE_PERSISTENCE, footprint);
-    let tone = (1.0 + stone.variation * (large.y + 2.0 * specks.value)).max(0.0);
-    let ground = Vec3::from(stone.base).lerp(stone.vein.into(), large.x) * tone;
-    ground.lerp(stone.grain.into(), mica.x)
-}
-
-/// Cells around one point in each cell of the lattice (Worley 1996): a share of them, `share`, has 1 in x, the others 0, with soft
-/// borders. In y, each has a tone of its own, -0.5 to 0.5. The value of a cell does not depend on its shape, so that both means are
-/// exact with any weights.
-fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
-    let left = octave_share(footprint * GRAIN_FOOTPRINT);
-    let mean = Vec2::new(share, 0.0);
-    if left <= 0.0 {
-        return mean;
+    /// Mean of [`Self::vein_profile`] over all places where the noise has this spread: the integral of a vein times the noise's density
+    /// around 0, which falls to the sides.
+    #[inline(always)]
+    fn vein_mean(&self, width: F<S>, spread: F<S>) -> F<S> {
+        let bend = spread * (NOISE_DENSITY_BEND / (24.0 * NOISE_DENSITY));
+        let density = self.simd.splat(NOISE_DENSITY) / (bend * spread).rest();
+        width * (density * 16.0 / 15.0 + width * NOISE_DENSITY_BEND * width * 8.0 / 105.0)
     }
-    let corner = p.floor();
-    let f = p - corner;
-    let cell = corner.as_ivec3();
-    // The smallest weights belong to places that are far from all points.
-    let (mut sharp, mut soft) = (mean.extend(1.0) * 1e-9, mean.extend(1.0) * 1e-9);
-    for i in 0..9 {
-        let column = IVec2::new(i % 3 - 1, i / 3 - 1);
-        let [x, y] = (cell.xy() + column).as_uvec2().to_array();
-        let hash_of_column = scramble(scramble(x).wrapping_add(y));
-        for k in -1..=1 {
-            // The hash of `scramble_cell`.
-            let hash = scramble(hash_of_column.wrapping_add((cell.z + k) as u32));
-            let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32);
-            let near = 1.0 - (column.extend(k).as_vec3() - f + point / 1023.0).length_squared();
-            if near > 0.0 {
-                let of_cell = scramble(hash ^ 0x5bd1_e995);
-                let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
-                let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
+
+    /// Mean of a vein over a footprint in which the noise goes from `noise - spread / 2` to `noise + spread / 2`. Across a vein, its
+    /// share is `(1 - (noise / width)^2)^2`: it has the half width of the report's powers of `smoothstep`, and its integral is a
+    /// polynomial.
+    #[inline(always)]
+    fn vein_profile(&self, noise: F<S>, spread: F<S>, width: F<S>) -> F<S> {
+        let half = (spread / width).at_least(0.02) * 0.5;
+        let middle = noise / width;
+        (self.vein_integral(middle + half) - self.vein_integral(middle - half)) / (half * 2.0)
+    }
+
+    #[inline(always)]
+    fn vein_integral(&self, at: F<S>) -> F<S> {
+        let u = at.clamped(-1.0, 1.0);
+        let square = u * u;
+        u * (square * (square * 0.2 - 2.0 / 3.0) + 1.0)
+    }
+
+    /// Grains of feldspar and quartz, and smaller ones of mica between them. The noise is that of the report's section 4.4: few octaves
+    /// with a high persistence.
+    #[inline(always)]
+    fn granite(&self, p: Vec3s<S>, footprint: F<S>) -> Vec3s<S> {
+        let stone = self.stone;
+        let bend = self.faded_noise(next_octave(p, GRAIN_BEND_FREQUENCY), footprint * GRAIN_BEND_FREQUENCY);
+        let bent = p + bend.slope * stone.bend;
+        let large = self.grains(bent, footprint, stone.blend[0]);
+        let mica = self.grains(next_octave(bent, MICA_FREQUENCY), footprint * MICA_FREQUENCY, stone.blend[1]);
+        let specks = self.fbm(p, stone.octaves, GRANITE_PERSISTENCE, footprint);
+        let tone = ((large.y + specks.value * 2.0) * stone.variation + 1.0).at_least(0.0);
+        let ground = self.mix(self.colour(stone.base), stone.vein, large.x).scale(tone);
+        self.mix(ground, stone.grain, mica.x)
+    }
+
+    /// Cells around one point in each cell of the lattice (Worley 1996): a share of them, `share`, has 1 in x, the others 0, with soft
+    /// borders. In y, each has a tone of its own, -0.5 to 0.5. The value of a cell does not depend on its shape, so that both means are
+    /// exact with any weights.
+    #[inline(always)]
+    fn grains(&self, p: Vec3s<S>, footprint: F<S>, share: f32) -> Vec2s<S> {
+        let simd = self.simd;
+        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+        let left = octave_share(simd, footprint * GRAIN_FOOTPRINT);
+        let mean = Vec2s::<S> { x: simd.splat(share), y: zero };
+        let is_left = self.lanes & left.above(0.0);
+        if !is_left.any() {
+            return mean;
+        }
+        let ([x, y, z], f) = cells_of(p);
+        let word = always!(|v: i32| simd.splat_u(v as u32));
+        // The smallest weights belong to places that are far from all points.
+        let least = Vec3s::splat(simd, Vec3::new(share, 0.0, 1.0) * 1e-9);
+        let (mut sharp, mut soft) = (least, least);
+        for i in 0..9 {
+            let (east, north) = (i % 3 - 1, i / 3 - 1);
+            let row = scramble::<S>(x.wrapping_add(word(east)));
+            let column = scramble::<S>(row.wrapping_add(y.wrapping_add(word(north))));
+            for k in -1..=1 {
+                // The hash of `scramble_cell`.
+                let hash = scramble::<S>(column.wrapping_add(z.wrapping_add(word(k))));
+                let place = Vec3s::splat(simd, Vec3::new(east as f32, north as f32, k as f32));
+                let apart = place - f + parts_of::<S>(hash) / 1023.0;
+                let near = apart.dot(apart).rest();
+                let is_near = near.above(0.0);
+                if !is_near.any() {
+                    continue;
+                }
+                let of_cell = scramble::<S>(hash ^ 0x5bd1_e995);
+                let is_of_share = (of_cell & 0xffff).to_floats().below(share * 65_536.0);
+                let tone = (of_cell >> 16).to_floats() / 65_535.0 - 0.5;
+                let value = Vec3s::<S>::new(is_of_share.select(one, zero), tone, one);
                 let square = near * near;
                 let eighth = square * square * square * square;
                 let weight = eighth * eighth;
-                soft += value * weight;
-                sharp += value * (weight * weight * weight * weight);
+                soft = Vec3s::select(is_near, soft + value.scale(weight), soft);
+                let weight = weight * weight * weight * weight;
+                sharp = Vec3s::select(is_near, sharp + value.scale(weight), sharp);
             }
         }
+        let softness = (footprint * 8.0).at_most(1.0);
+        let found = always!(|sharp_part: F<S>, soft_part: F<S>, mean: F<S>| {
+            let found = (sharp_part / sharp.z).lerp(soft_part / soft.z, softness);
+            is_left.select(mean.lerp(found, left), mean)
+        });
+        Vec2s { x: found(sharp.x, soft.x, mean.x), y: found(sharp.y, soft.y, mean.y) }
     }
-    let near = sharp / sharp.z;
-    let found = near.lerp(soft / soft.z, (8.0 * footprint).min(1.0));
-    mean.lerp(Vec2::new(found.x, found.y), left)
-}
 
-/// Metal below a patina, which grows where rain and air reach it. `exposure` is above 0 there.
-fn bronze(stone: &Stone, bare: &StoneSurface, straight: Vec3, exposure: f32, footprint: f32) -> StoneSurface {
-    let p = next_octave(straight * Vec3::new(1.0, 1.0, PATINA_HEIGHT), 1.0);
-    let patches = fbm(p, stone.octaves, 0.65, footprint);
-    let patina = ramp(stone.blend[0] - 0.5 + exposure, &patches, PATINA_NOISE * stone.variation);
-    let creases = turbulence(next_octave(p, 2.7), stone.octaves.min(3), 0.75, footprint * 2.7);
-    let thin = (stone.blend[1] * (1.0 + PATINA_CREASES * creases.value)).clamp(0.0, 1.0);
-    let tarnish = (1.0 - PATINA_TARNISH * creases.value).clamp(0.0, 1.3);
-    let green = Vec3::from(stone.vein).lerp(stone.grain.into(), thin);
-    StoneSurface {
-        albedo: bare.albedo.lerp(green, patina),
-        f0: (bare.f0 * tarnish).lerp(Vec3::splat(PATINA_F0), patina),
-        alpha: bare.alpha.lerp(Vec2::splat(PATINA_ALPHA), patina),
-        ..*bare
+    /// Metal below a patina, which grows where rain and air reach it. `exposure` is above 0 there.
+    #[inline(always)]
+    fn bronze(&self, bare: &StoneSurfaces<S>, straight: Vec3s<S>, exposure: F<S>, footprint: F<S>) -> StoneSurfaces<S> {
+        let (simd, stone) = (self.simd, self.stone);
+        let p = next_octave(straight * Vec3s::splat(simd, Vec3::new(1.0, 1.0, PATINA_HEIGHT)), 1.0);
+        let patches = self.fbm(p, stone.octaves, 0.65, footprint);
+        let patina = self.ramp(exposure + (stone.blend[0] - 0.5), &patches, PATINA_NOISE * stone.variation);
+        let start = next_octave(p, 2.7);
+        let creases = turbulence(simd, self.lanes, start, stone.octaves.min(3), 0.75, footprint * 2.7).value;
+        let thin = ((creases * PATINA_CREASES + 1.0) * stone.blend[1]).clamped(0.0, 1.0);
+        let tarnish = (creases * PATINA_TARNISH).rest().clamped(0.0, 1.3);
+        let green = self.mix(self.colour(stone.vein), stone.grain, thin);
+        let alpha = simd.splat(PATINA_ALPHA);
+        StoneSurfaces {
+            albedo: bare.albedo.lerp(green, patina),
+            f0: self.mix(bare.f0.scale(tarnish), [PATINA_F0; 3], patina),
+            alpha: Vec2s::<S> { x: bare.alpha.x.lerp(alpha, patina), y: bare.alpha.y.lerp(alpha, patina) },
+        }
     }
-}
 
-/// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a triangular
-/// distribution with the hidden variance, which is close to that of noise.
-fn ramp(at: f32, noise: &NoiseSum, strength: f32) -> f32 {
-    let middle = 0.5 + (at + noise.value * strength) / (2.0 * RAMP_RANGE);
-    // Half of the range of a triangular distribution is the root of 6 times its variance.
-    let half = ((6.0 * noise.hidden).sqrt() * strength.abs() / (2.0 * RAMP_RANGE)).max(0.1);
-    let sides = ramp_integral(middle + half) + ramp_integral(middle - half);
-    (sides - 2.0 * ramp_integral(middle)) / (half * half)
-}
+    /// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a triangular
+    /// distribution with the hidden variance, which is close to that of noise.
+    #[inline(always)]
+    fn ramp(&self, at: F<S>, noise: &NoiseSum<F<S>>, strength: f32) -> F<S> {
+        let middle = (at + noise.value * strength) / (2.0 * RAMP_RANGE) + 0.5;
+        // Half of the range of a triangular distribution is the root of 6 times its variance.
+        let half = ((noise.hidden * 6.0).sqrt() * strength.abs() / (2.0 * RAMP_RANGE)).at_least(0.1);
+        let sides = self.ramp_integral(middle + half) + self.ramp_integral(middle - half);
+        (sides - self.ramp_integral(middle) * 2.0) / (half * half)
+    }
 
-/// Integral of the integral of a ramp from 0 to 1.
-fn ramp_integral(at: f32) -> f32 {
-    let (u, above) = (at.clamp(0.0, 1.0), (at - 1.0).max(0.0));
-    u * u * u / 6.0 + 0.5 * above * (above + 1.0)
+    /// Integral of the integral of a ramp from 0 to 1.
+    #[inline(always)]
+    fn ramp_integral(&self, at: F<S>) -> F<S> {
+        let (u, above) = (at.clamped(0.0, 1.0), (at - 1.0).at_least(0.0));
+        u * u * u / 6.0 + above * 0.5 * (above + 1.0)
+    }
+
+    /// Fine grains in faint level beds.
+    #[inline(always)]
+    fn limestone(&self, straight: Vec3s<S>, footprint: F<S>) -> Vec3s<S> {
+        let (simd, stone) = (self.simd, self.stone);
+        let slow = self.faded_noise(next_octave(straight, 0.2), footprint * 0.2).value;
+        let mut flat = straight * Vec3s::splat(simd, Vec3::new(BED_FLATNESS, BED_FLATNESS, 1.0));
+        flat.z += slow * stone.bend;
+        let beds = self.fbm(flat + 0.37, 3, 0.7, footprint);
+        let start = next_octave(straight, LIMESTONE_GRAINS);
+        let grains = self.fbm(start, stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
+        let ground = self.colour(stone.base).scale(slow * stone.variation + 1.0);
+        let bedded = self.mix(ground, stone.vein, self.ramp(simd.splat(0.0), &beds, 1.0) * stone.blend[0]);
+        self.mix(bedded, stone.grain, self.ramp(simd.splat(-0.08), &grains, 1.5) * stone.blend[1])
+    }
 }
 
 /// Where wood has the pattern of limestone: the distance from its axis takes the place of the height, so that beds are rings and
 /// grains are fibres. Distances become at most a tenth longer, so footprints stay as they are.
-fn wood_place(straight: Vec3) -> Vec3 {
-    let around = (straight.x - straight.y) * FIBRE_WIDTH;
-    Vec3::new(straight.z * FIBRE_LENGTH, around, straight.xy().length())
-}
-
-/// Fine grains in faint level beds.
-fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
-    let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
-    let flat = straight * Vec3::new(BED_FLATNESS, BED_FLATNESS, 1.0) + Vec3::Z * (slow.w * stone.bend);
-    let beds = fbm(flat + 0.37, 3, 0.7, footprint);
-    let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
-    let ground = Vec3::from(stone.base) * (1.0 + stone.variation * slow.w);
-    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * ramp(0.0, &beds, 1.0));
-    bedded.lerp(stone.grain.into(), stone.blend[1] * ramp(-0.08, &grains, 1.5))
+#[inline(always)]
+fn wood_place<S: Lanes>(straight: Vec3s<S>) -> Vec3s<S> {
+    let Vec3s { x, y, z } = straight;
+    Vec3s::new(z * FIBRE_LENGTH, (x - y) * FIBRE_WIDTH, (x * x + y * y).sqrt())
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use super::hits::{Hits, Segments};
 use super::lanes::{
-    F, FastExtremes, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of, pairs,
+    F, FastExtremes, I, Lanes, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of,
     splat, splat_u, to_i, to_u,
 };
 use super::node_rays::NodeRays;
@@ -152,10 +152,7 @@ fn hit_plain_columns<S: Simd>(
         normal = Vec3s::select(solids.side, Vec3s::select(solids.outer, face, wall), normal);
     }
     if (lanes & is_roof).any_true() {
-        let top = columns.top_normal.unwrap_or_else(
-            #[inline(always)]
-            || decode_normal(simd, columns.attributes),
-        );
+        let top = columns.top_normal.unwrap_or_else(always!(|| decode_normal(simd, columns.attributes)));
         normal = Vec3s::select(is_roof, top, normal);
     }
     record(scene, rays, (segments, lanes, columns.flags), (solids.s, texel, normal, &objects), hits);
@@ -182,7 +179,7 @@ fn record<S: Simd>(
     hits.node = lanes.select(splat_u(simd, rays.index), hits.node);
     if scene.frame.shadow_m > 0.0 {
         let lift = splat(simd, rays.node.cell_m * SUN_LIFT_CELLS);
-        let origin = segments.dir.scale(t).add(normal.scale(lift));
+        let origin = segments.dir.scale(t) + normal.scale(lift);
         hits.shadow_origin = Vec3s::select(lanes, origin, hits.shadow_origin);
     }
 }
@@ -210,10 +207,7 @@ impl<S: Simd> PlainColumns<S> {
         let (simd, atlas) = (rays.simd, scene.atlas);
         let number = crossing.number;
         let flags = lanes.select(crossing.word >> FLAGS_SHIFT, splat_u(simd, 0));
-        let bit = always(
-            #[inline(always)]
-            |flag: u8| has(simd, flags, u32::from(flag)),
-        );
+        let bit = always!(|flag: u8| has(simd, flags, u32::from(flag)));
         let attributes = gather_page(simd, rays.words.planes[ATTRIBUTE_PLANE], number);
         let (exposed, clipped) = (bit(flag::EXPOSED), bit(flag::CLIPPED));
         let (mut strip, mut clip) = (splat_u(simd, 0), splat_u(simd, 0));
@@ -302,17 +296,14 @@ impl<S: Simd> PlainColumns<S> {
         let (zs, ze) = (rays.z_at(s), rays.z_at(e));
         let (slope_x, slope_y) = (outer.select(zero, self.slope.x), outer.select(zero, self.slope.y));
         let has_slope = self.top_normal.is_some();
-        let top_at = always(
-            #[inline(always)]
-            |t: F<S>| {
-                if !has_slope {
-                    return top;
-                }
-                let x = rays.o.x + rays.d.x * t - self.centre.x;
-                let y = rays.o.y + rays.d.y * t - self.centre.y;
-                top + (slope_x * x + slope_y * y)
-            },
-        );
+        let top_at = always!(|t: F<S>| {
+            if !has_slope {
+                return top;
+            }
+            let x = rays.o.x + rays.d.x * t - self.centre.x;
+            let y = rays.o.y + rays.d.y * t - self.centre.y;
+            top + (slope_x * x + slope_y * y)
+        });
         let (over, above) = ([zs - top_at(s), ze - top_at(e)], [zs - self.z_min, ze - self.z_min]);
         let (spans, some) = clip_to_solid(simd, s, e, over, above);
         let side = !spans.top & !spans.bottom;
@@ -345,14 +336,11 @@ impl<S: Simd> PlainColumns<S> {
             let wall = (word >> AZIMUTH_SHIFT) & (AZIMUTHS - 1);
             let offset = float::<S>(to_i::<S>(word) >> CLIP_OFFSET_SHIFT) / CLIP_STEPS_PER_CELL as f32;
             let n = directions(simd, wall);
-            let beyond = always(
-                #[inline(always)]
-                |t: F<S>| {
-                    let x = rays.o.x + rays.d.x * t - self.centre.x;
-                    let y = rays.o.y + rays.d.y * t - self.centre.y;
-                    side * (n.x * x + n.y * y - offset)
-                },
-            );
+            let beyond = always!(|t: F<S>| {
+                let x = rays.o.x + rays.d.x * t - self.centre.x;
+                let y = rays.o.y + rays.d.y * t - self.centre.y;
+                side * (n.x * x + n.y * y - offset)
+            });
             let (a, b) = (beyond(ta), beyond(te));
             let crossing = ta + (te - ta) * (a / (a - b));
             let (a_out, b_out) = (lanes & a.simd_gt(zero), lanes & b.simd_gt(zero));
@@ -377,10 +365,7 @@ impl<S: Simd> PlainColumns<S> {
         let simd = rays.simd;
         // A power of two: as exact as the quotient.
         let rows_per_code = 1.0 / codes_per_row(rays.node.z_shift());
-        let row_of = always(
-            #[inline(always)]
-            |z: F<S>| (z * rows_per_code).floor(),
-        );
+        let row_of = always!(|z: F<S>| (z * rows_per_code).floor());
         let clipped = has(simd, self.flags, u32::from(flag::CLIPPED));
         let head = clipped.select(splat_u(simd, 2), splat_u(simd, 0));
         let (low, high) = (row_of(solids.bottom), row_of(solids.top - 1.0));
@@ -430,11 +415,8 @@ fn clip_to_solid<S: Simd>(simd: S, ta: F<S>, te: F<S>, over: [F<S>; 2], above: [
 #[inline(always)]
 fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
     let table = azimuth_directions();
-    let [x, y] = pairs(
-        simd,
-        #[inline(always)]
-        |lane| bytemuck::cast(table[azimuth[lane] as usize % AZIMUTHS as usize].to_array()),
-    );
+    let [x, y] =
+        simd.pairs(always!(|lane: usize| bytemuck::cast(table[azimuth[lane] as usize % AZIMUTHS as usize].to_array())));
     Vec2s::<S> { x: x.bitcast(), y: y.bitcast() }
 }
 
@@ -450,16 +432,10 @@ fn slope_codes<S: Simd>(simd: S, lanes: M<S>, n: Vec3s<S>, z_shift: u32) -> Vec2
 #[inline(always)]
 fn decode_normal<S: Simd>(simd: S, words: U<S>) -> Vec3s<S> {
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-    let unpack = always(
-        #[inline(always)]
-        |byte: U<S>| (float_u::<S>(byte.min(splat_u(simd, 254))) - 127.0) / 127.0,
-    );
+    let unpack = always!(|byte: U<S>| (float_u::<S>(byte.min(splat_u(simd, 254))) - 127.0) / 127.0);
     let (x, y) = (unpack(words & 0xff), unpack((words >> 8) & 0xff));
     let z = one - x.abs() - y.abs();
-    let sign = always(
-        #[inline(always)]
-        |v: F<S>| v.simd_lt(zero).select(-one, one),
-    );
+    let sign = always!(|v: F<S>| v.simd_lt(zero).select(-one, one));
     let lower = z.simd_lt(zero);
     let (folded_x, folded_y) = ((one - y.abs()) * sign(x), (one - x.abs()) * sign(y));
     let (x, y) = (lower.select(folded_x, x), lower.select(folded_y, y));

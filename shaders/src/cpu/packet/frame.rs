@@ -3,16 +3,15 @@
 //! Each pixel has a ray through its centre, or near it: [`cast_centres`]. With several rays a pixel, the others follow: of all pixels,
 //! or of those that differ from a neighbour: [`finish_rows`]. The rays of a packet are those of one pixel or of neighbours.
 
-use super::lanes::{F, Vec3s, splat_u};
+use super::lanes::{F, Vec3s, always, splat_u};
 use super::ray_packet::{FrameRay, PixelRows, RayPacket, blocks_of, in_blocks};
-use super::sky::airlight;
-use super::tone::encode_radiances;
 use super::trace::TracedRays;
 use crate::cpu::instruction_set::InstructionSet;
 use crate::cpu::ray::SceneRef;
 use crate::cpu::raycast::{Pixel, Sampling, is_beside_other, pixel_word};
+use crate::cpu::shade::airlight;
 use crate::layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading};
-use fearless_simd::Level;
+use crate::tone::encode_radiances;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
@@ -71,26 +70,6 @@ fn has_penumbrae(frame: &FrameUniform) -> bool {
     frame.shadow_m > 0.0 && frame.sun_radius > 0.0
 }
 
-/// Calls a function for the instruction set of an [`InstructionSet`].
-macro_rules! with_lanes {
-    ($set:expr, |$simd:ident| $call:expr) => {
-        // Some machines have one instruction set.
-        #[allow(unreachable_patterns)]
-        match $set.level() {
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx512($simd) => $call,
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx2($simd) => $call,
-            #[cfg(target_arch = "aarch64")]
-            Level::Neon($simd) => $call,
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-            Level::WasmSimd128($simd) => $call,
-            // An `InstructionSet` is none of the others.
-            _ => {}
-        }
-    };
-}
-
 /// Draws rows from row `first` on this thread: as many as `out` has pixels for.
 pub(in crate::cpu) fn render_rows(
     set: InstructionSet,
@@ -101,7 +80,7 @@ pub(in crate::cpu) fn render_rows(
 ) {
     let frame = scene.frame;
     if frame.samples <= 1 && frame.objects == 0 && frame.shading == Shading::Lit as u32 {
-        with_lanes!(set, |simd| draw_single(simd, scene, first, out));
+        with_lanes!(set, |simd| draw_single(simd, scene, first, out), ());
         return;
     }
     let width = frame.width_px.max(1);
@@ -113,7 +92,7 @@ pub(in crate::cpu) fn render_rows(
 
 /// Casts the rays through the centres of the pixels of rows from row `first`, as many as `out` has rays for, on this thread.
 pub(in crate::cpu) fn cast_centres(set: InstructionSet, scene: &SceneRef<'_>, first: u32, out: &mut [CentreRay]) {
-    with_lanes!(set, |simd| draw_centres(simd, scene, first, out));
+    with_lanes!(set, |simd| draw_centres(simd, scene, first, out), ());
 }
 
 /// Draws rows from row `first`, as many as `out` has pixels for, on this thread. `centres` are the rows of [`rows_around`] or more.
@@ -133,11 +112,11 @@ pub(in crate::cpu) fn finish_rows(
         drawn.iter().map(|ray| PixelSum { outlined: u32::from(ray.is_outlined), ..PixelSum::NOTHING }).collect();
     if band.samples > 1 {
         let refined = is_adaptive(scene.frame, sampling).then(|| centres.refined(scene.frame, first, out.len()));
-        with_lanes!(set, |simd| band.refine(simd, refined.as_deref()));
+        with_lanes!(set, |simd| band.refine(simd, refined.as_deref()), ());
     } else if scene.frame.objects != 0 {
         band.find_outlines();
     }
-    with_lanes!(set, |simd| band.finish(simd, out));
+    with_lanes!(set, |simd| band.finish(simd, out), ());
 }
 
 /// What a resting view shows of rows until all their rays are cast: the ray through the centre of each pixel.
@@ -152,7 +131,7 @@ pub(in crate::cpu) fn sketch_rows(
     let Some(drawn) = centres.rays.get(begin..begin + out.len()) else { return };
     let sums = vec![PixelSum::NOTHING; drawn.len()];
     let band = Band { scene, samples: scene.frame.samples.clamp(1, MAX_SAMPLES), first, drawn, sums };
-    with_lanes!(set, |simd| band.finish(simd, out));
+    with_lanes!(set, |simd| band.finish(simd, out), ());
 }
 
 impl CentreRows<'_> {
@@ -226,15 +205,17 @@ fn draw_single<S: Simd>(simd: S, scene: &SceneRef<'_>, first: u32, out: &mut [Pi
         scene,
         first,
         out,
-        #[inline(always)]
-        |rows, _, traced, out| {
-            let words = encode_radiances(simd, traced.rgb);
+        always!(|rows: PixelRows, _: Vec3s<S>, traced: &TracedRays<S>, out: &mut [Pixel]| {
+            let words = encode_radiances(traced.rgb);
             rows.write(
                 out,
-                #[inline(always)]
-                |lane| Pixel { word: words[lane], distance_m: traced.distance_m[lane], hit: traced.node[lane] },
+                always!(|lane: usize| Pixel {
+                    word: words[lane],
+                    distance_m: traced.distance_m[lane],
+                    hit: traced.node[lane]
+                }),
             );
-        },
+        }),
     );
 }
 
@@ -244,13 +225,11 @@ fn draw_centres<S: Simd>(simd: S, scene: &SceneRef<'_>, first: u32, out: &mut [C
         scene,
         first,
         out,
-        #[inline(always)]
-        |rows, air, traced, out| {
+        always!(|rows: PixelRows, air: Vec3s<S>, traced: &TracedRays<S>, out: &mut [CentreRay]| {
             let is_outlined = traced.is_outlined.to_bitmask();
             rows.write(
                 out,
-                #[inline(always)]
-                |lane| CentreRay {
+                always!(|lane: usize| CentreRay {
                     airlight: air.lane(lane),
                     rgb: traced.rgb.lane(lane),
                     normal: traced.normal.lane(lane),
@@ -258,9 +237,9 @@ fn draw_centres<S: Simd>(simd: S, scene: &SceneRef<'_>, first: u32, out: &mut [C
                     node: traced.node[lane],
                     object: traced.object[lane],
                     is_outlined: (is_outlined >> lane) & 1 != 0,
-                },
+                }),
             );
-        },
+        }),
     );
 }
 
@@ -279,18 +258,15 @@ fn for_each_centre<S: Simd, T>(
     let centre = samples * samples / 2;
     let rows = out.len() as u32 / width.max(1);
     for block in blocks_of(width, out.len(), F::<S>::LEN as u32) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let packet = RayPacket::of_block(simd, block, (first, [width, rows]), (samples, centre));
-                let dir = packet.direction(simd, scene.frame, None);
-                let air = airlight(simd, scene.frame, dir);
-                // The centre of a pixel is the place of the middle one of an odd number of rays.
-                let dir = if samples % 2 == 1 { dir } else { packet.direction(simd, scene.frame, Some(samples)) };
-                let traced = packet.trace(simd, scene, samples, (dir, air));
-                write(PixelRows { block, width, rows }, air, &traced, out);
-            },
-        );
+        simd.vectorize(always!(|| {
+            let packet = RayPacket::of_block(simd, block, (first, [width, rows]), (samples, centre));
+            let dir = packet.direction(simd, scene.frame, None);
+            let air = airlight(simd, scene.frame, dir);
+            // The centre of a pixel is the place of the middle one of an odd number of rays.
+            let dir = if samples % 2 == 1 { dir } else { packet.direction(simd, scene.frame, Some(samples)) };
+            let traced = packet.trace(simd, scene, samples, (dir, air));
+            write(PixelRows { block, width, rows }, air, &traced, out);
+        }));
     }
 }
 
@@ -329,29 +305,26 @@ impl Band<'_> {
 
     /// Adds rays, which are in the order of their numbers for each pixel.
     fn add_rays<S: Simd>(&mut self, simd: S, rays: &[FrameRay], centre: u32) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let packet = RayPacket::new(simd, rays, self.samples);
-                let mut air = Vec3s::splat(simd, Vec3::ZERO);
-                for (lane, ray) in rays.iter().enumerate() {
-                    air.set_lane(lane, self.drawn[self.at(ray)].airlight);
+        simd.vectorize(always!(|| {
+            let packet = RayPacket::new(simd, rays, self.samples);
+            let mut air = Vec3s::splat(simd, Vec3::ZERO);
+            for (lane, ray) in rays.iter().enumerate() {
+                air.set_lane(lane, self.drawn[self.at(ray)].airlight);
+            }
+            let dir = packet.direction(simd, self.scene.frame, Some(self.samples));
+            let traced = packet.trace(simd, self.scene, self.samples, (dir, air));
+            for (lane, ray) in rays.iter().enumerate() {
+                let at = self.at(ray);
+                let (Some(sum), Some(drawn)) = (self.sums.get_mut(at), self.drawn.get(at)) else { continue };
+                // In the order of the numbers, so that the sum is that of the scalar code.
+                if ray.sample == centre + 1 {
+                    sum.rgb += drawn.rgb;
                 }
-                let dir = packet.direction(simd, self.scene.frame, Some(self.samples));
-                let traced = packet.trace(simd, self.scene, self.samples, (dir, air));
-                for (lane, ray) in rays.iter().enumerate() {
-                    let at = self.at(ray);
-                    let (Some(sum), Some(drawn)) = (self.sums.get_mut(at), self.drawn.get(at)) else { continue };
-                    // In the order of the numbers, so that the sum is that of the scalar code.
-                    if ray.sample == centre + 1 {
-                        sum.rgb += drawn.rgb;
-                    }
-                    sum.rgb += traced.rgb.lane(lane);
-                    sum.outlined += u32::from(traced.is_outlined.test(lane));
-                    sum.is_refined = true;
-                }
-            },
-        );
+                sum.rgb += traced.rgb.lane(lane);
+                sum.outlined += u32::from(traced.is_outlined.test(lane));
+                sum.is_refined = true;
+            }
+        }));
     }
 
     /// Outlines of objects in frames of one ray a pixel.
@@ -370,30 +343,21 @@ impl Band<'_> {
         let lanes = F::<S>::LEN;
         let rays = (self.samples * self.samples) as f32;
         for (at, out) in (0..self.drawn.len()).step_by(lanes).zip(out.chunks_mut(lanes)) {
-            simd.vectorize(
-                #[inline(always)]
-                || {
-                    let mut words = splat_u(simd, 0);
-                    if is_plain {
-                        let mut rgb = Vec3s::splat(simd, Vec3::ZERO);
-                        for lane in 0..out.len() {
-                            rgb.set_lane(lane, self.sum_of_rays(at + lane));
-                        }
-                        words = encode_radiances(
-                            simd,
-                            rgb.map(
-                                #[inline(always)]
-                                |v| v / rays,
-                            ),
-                        );
+            simd.vectorize(always!(|| {
+                let mut words = splat_u(simd, 0);
+                if is_plain {
+                    let mut rgb = Vec3s::splat(simd, Vec3::ZERO);
+                    for lane in 0..out.len() {
+                        rgb.set_lane(lane, self.sum_of_rays(at + lane));
                     }
-                    for (lane, target) in out.iter_mut().enumerate() {
-                        let drawn = &self.drawn[at + lane];
-                        let word = if is_plain { words[lane] } else { self.word(at + lane) };
-                        *target = Pixel { word, distance_m: drawn.distance_m, hit: drawn.node };
-                    }
-                },
-            );
+                    words = encode_radiances(rgb / rays);
+                }
+                for (lane, target) in out.iter_mut().enumerate() {
+                    let drawn = &self.drawn[at + lane];
+                    let word = if is_plain { words[lane] } else { self.word(at + lane) };
+                    *target = Pixel { word, distance_m: drawn.distance_m, hit: drawn.node };
+                }
+            }));
         }
     }
 

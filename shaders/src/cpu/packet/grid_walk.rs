@@ -2,8 +2,8 @@
 
 use super::hits::{Hits, Segments};
 use super::lanes::{
-    F, FastExtremes, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs,
-    quadruples, splat, splat_i, splat_u, to_i, to_u,
+    F, FastExtremes, I, IVec2s, Lanes, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero,
+    splat, splat_i, splat_u, to_i, to_u,
 };
 use super::mesh::walk_meshes;
 use super::node_walk::walk_node;
@@ -74,14 +74,18 @@ pub(super) fn walk_grid<S: Simd>(
         let group = pending & crossings.node.simd_eq(splat_u(simd, index));
         match scene.nodes.get(index as usize) {
             None => {}
-            Some(node) if node.mesh != 0 => simd.vectorize(
-                #[inline(always)]
-                || walk_meshes(simd, scene, segments, (node, index), group, hits),
-            ),
-            Some(node) => simd.vectorize(
-                #[inline(always)]
-                || walk_node(simd, scene, segments, (node, index), group, [crossings.t_in, crossings.t_out], hits),
-            ),
+            Some(node) if node.mesh != 0 => {
+                simd.vectorize(always!(|| walk_meshes(simd, scene, segments, (node, index), group, hits)))
+            }
+            Some(node) => simd.vectorize(always!(|| walk_node(
+                simd,
+                scene,
+                segments,
+                (node, index),
+                group,
+                [crossings.t_in, crossings.t_out],
+                hits
+            ))),
         }
         pending &= !group;
         seeking = group & !walk.done & !hits.is_hit;
@@ -103,24 +107,18 @@ impl<S: Simd> GridWalks<S> {
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
         let squares = 1i32 << (frame.levels - 1);
         let [low_x, low_y] = [(-frame.eye_cell[0]) as f32, (-frame.eye_cell[1]) as f32];
-        let span = always(
-            #[inline(always)]
-            |low: f32, ahead: M<S>, o: F<S>, inv: F<S>| {
-                let (first, last) = (splat(simd, low), splat(simd, low + squares as f32));
-                [(ahead.select(first, last) - o) * inv, (ahead.select(last, first) - o) * inv]
-            },
-        );
+        let span = always!(|low: f32, ahead: M<S>, o: F<S>, inv: F<S>| {
+            let (first, last) = (splat(simd, low), splat(simd, low + squares as f32));
+            [(ahead.select(first, last) - o) * inv, (ahead.select(last, first) - o) * inv]
+        });
         let ([near_x, far_x], [near_y, far_y]) = (span(low_x, ahead_x, o.x, inv.x), span(low_y, ahead_y, o.y, inv.y));
         let (za, zb) = ((splat(simd, -1.0) - z) / dz, (splat(simd, Z_TOP + 1.0) - z) / dz);
         let t = near_x.fast_max(near_y).fast_max(za.fast_min(zb)).fast_max(zero);
         let t_end = far_x.fast_min(far_y).fast_min(za.fast_max(zb)).fast_min(splat(simd, segments.reach_m));
-        let square_of = always(
-            #[inline(always)]
-            |o: F<S>, d: F<S>, low: f32, eye_cell: i32| {
-                let (first, last) = (splat(simd, low), splat(simd, low + (squares - 1) as f32));
-                floor_clamped::<S>(o + d * t, first, last) + eye_cell
-            },
-        );
+        let square_of = always!(|o: F<S>, d: F<S>, low: f32, eye_cell: i32| {
+            let (first, last) = (splat(simd, low), splat(simd, low + (squares - 1) as f32));
+            floor_clamped::<S>(o + d * t, first, last) + eye_cell
+        });
         let square = IVec2s {
             x: square_of(o.x, d.x, low_x, frame.eye_cell[0]),
             y: square_of(o.y, d.y, low_y, frame.eye_cell[1]),
@@ -191,17 +189,11 @@ impl<S: Simd> GridWalks<S> {
     ) -> IVec2s<S> {
         let simd = self.simd;
         let (one, zeros) = (splat_i(simd, 1), splat_i(simd, 0));
-        let place = always(
-            #[inline(always)]
-            |o: F<S>, d: F<S>, corner: I<S>, eye_cell: i32| {
-                let low = float::<S>(corner - eye_cell);
-                floor_clamped::<S>(o + d * exit, low, low + float::<S>(low_bits)) + eye_cell
-            },
-        );
-        let beyond = always(
-            #[inline(always)]
-            |edge: I<S>, ahead: M<S>| edge - ahead.select(zeros, one),
-        );
+        let place = always!(|o: F<S>, d: F<S>, corner: I<S>, eye_cell: i32| {
+            let low = float::<S>(corner - eye_cell);
+            floor_clamped::<S>(o + d * exit, low, low + float::<S>(low_bits)) + eye_cell
+        });
+        let beyond = always!(|edge: I<S>, ahead: M<S>| edge - ahead.select(zeros, one));
         IVec2s {
             x: x_first.select(beyond(edge[0], self.ahead_x), place(self.o.x, self.d.x, corner.x, eye_cell[0])),
             y: x_first.select(place(self.o.y, self.d.y, corner.y, eye_cell[1]), beyond(edge[1], self.ahead_y)),
@@ -248,11 +240,7 @@ fn grid_words<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
     let last = splat_u(simd, (scene.grid.len().min(1 << 31) as u32).saturating_sub(1));
     let inside = at.min(last);
     let (zeros, found) = (splat_u(simd, 0), at.simd_le(last));
-    let [node, heights] = pairs(
-        simd,
-        #[inline(always)]
-        |lane| entry(inside[lane]),
-    );
+    let [node, heights] = simd.pairs(always!(|lane: usize| entry(inside[lane])));
     [found.select(node, zeros), found.select(heights, zeros)]
 }
 
@@ -260,23 +248,12 @@ fn grid_words<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
 #[inline(always)]
 fn windows_at<S: Simd>(simd: S, frame: &FrameUniform, k: I<S>, lanes: M<S>) -> (I<S>, I<S>, I<S>, I<S>) {
     let common = k[first_lane::<S>(lanes)];
-    let window = always(
-        #[inline(always)]
-        |k: i32| frame.windows[(k as usize).min(GRID_LEVELS - 1)],
-    );
+    let window = always!(|k: i32| frame.windows[(k as usize).min(GRID_LEVELS - 1)]);
     if (lanes & k.simd_ne(splat_i(simd, common))).all_false() {
-        let [base, log2_side, low_x, low_y] = map4(
-            window(common),
-            #[inline(always)]
-            |v| splat_i(simd, v),
-        );
+        let [base, log2_side, low_x, low_y] = map4(window(common), always!(|v: i32| splat_i(simd, v)));
         return (low_x, low_y, log2_side, base);
     }
-    let windows = quadruples(
-        simd,
-        #[inline(always)]
-        |lane| bytemuck::cast(window(k[lane])),
-    );
+    let windows = simd.quadruples(always!(|lane: usize| bytemuck::cast(window(k[lane]))));
     let [base, log2_side, low_x, low_y] = map4(windows, to_i::<S>);
     (low_x, low_y, log2_side, base)
 }

@@ -1,121 +1,16 @@
-//! Values of all rays of a packet, and the arithmetic of [`fast_math`](crate::cpu::fast_math) on them.
+//! Words of the rays of a packet, and the arithmetic of their walk. More is in [`lanes`](crate::lanes).
 
-use crate::cpu::fast_math::{fast_max, fast_min};
 use crate::cpu::ray::MIN_DIRECTION;
+use crate::lanes::MAX_LANES;
+pub(super) use crate::lanes::{F, FastExtremes, I, Lanes, M, U, Vec2s, Vec3s, always};
 use crate::layout::PAGE_WORDS;
 use fearless_simd::prelude::*;
-use glam::Vec3;
-
-pub(super) type F<S> = <S as Simd>::f32s;
-pub(super) type I<S> = <S as Simd>::i32s;
-pub(super) type U<S> = <S as Simd>::u32s;
-/// Two words of half of the rays.
-type L<S> = <S as Simd>::u64s;
-pub(super) type M<S> = <S as Simd>::mask32s;
-
-/// Two numbers of each ray.
-#[derive(Clone, Copy)]
-pub(super) struct Vec2s<S: Simd> {
-    pub(super) x: F<S>,
-    pub(super) y: F<S>,
-}
-
-/// Three numbers of each ray.
-#[derive(Clone, Copy)]
-pub(super) struct Vec3s<S: Simd> {
-    pub(super) x: F<S>,
-    pub(super) y: F<S>,
-    pub(super) z: F<S>,
-}
 
 /// Two whole numbers of each ray.
 #[derive(Clone, Copy)]
 pub(super) struct IVec2s<S: Simd> {
     pub(super) x: I<S>,
     pub(super) y: I<S>,
-}
-
-impl<S: Simd> Vec3s<S> {
-    #[inline(always)]
-    pub(super) fn splat(simd: S, v: Vec3) -> Self {
-        Self { x: splat(simd, v.x), y: splat(simd, v.y), z: splat(simd, v.z) }
-    }
-
-    #[inline(always)]
-    pub(super) fn map(self, f: impl Fn(F<S>) -> F<S>) -> Self {
-        Self { x: f(self.x), y: f(self.y), z: f(self.z) }
-    }
-
-    #[inline(always)]
-    pub(super) fn zip(self, other: Self, f: impl Fn(F<S>, F<S>) -> F<S>) -> Self {
-        Self { x: f(self.x, other.x), y: f(self.y, other.y), z: f(self.z, other.z) }
-    }
-
-    #[inline(always)]
-    pub(super) fn add(self, other: Self) -> Self {
-        self.zip(
-            other,
-            #[inline(always)]
-            |a, b| a + b,
-        )
-    }
-
-    #[inline(always)]
-    pub(super) fn sub(self, other: Self) -> Self {
-        self.zip(
-            other,
-            #[inline(always)]
-            |a, b| a - b,
-        )
-    }
-
-    #[inline(always)]
-    pub(super) fn mul(self, other: Self) -> Self {
-        self.zip(
-            other,
-            #[inline(always)]
-            |a, b| a * b,
-        )
-    }
-
-    #[inline(always)]
-    pub(super) fn scale(self, factor: F<S>) -> Self {
-        self.map(
-            #[inline(always)]
-            |v| v * factor,
-        )
-    }
-
-    #[inline(always)]
-    pub(super) fn dot(self, other: Self) -> F<S> {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    #[inline(always)]
-    pub(super) fn select(mask: M<S>, yes: Self, no: Self) -> Self {
-        yes.zip(
-            no,
-            #[inline(always)]
-            |yes, no| mask.select(yes, no),
-        )
-    }
-
-    /// The vector of one ray.
-    #[inline(always)]
-    pub(super) fn lane(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
-    }
-
-    #[inline(always)]
-    pub(super) fn set_lane(&mut self, lane: usize, v: Vec3) {
-        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
-    }
-}
-
-/// A closure that is always inlined: code that is not compiled for the instruction set itself would call each instruction.
-#[inline(always)]
-pub(super) fn always<F>(closure: F) -> F {
-    closure
 }
 
 #[inline(always)]
@@ -160,36 +55,6 @@ pub(super) fn float_u<S: Simd>(v: U<S>) -> F<S> {
     float::<S>(to_i::<S>(v))
 }
 
-/// The lesser and the greater of two numbers, as `fast_math` has them.
-pub(super) trait FastExtremes<S: Simd>: SimdFloat<S, Element = f32> {
-    #[inline(always)]
-    fn fast_min(self, other: Self) -> Self {
-        if !cfg!(target_arch = "wasm32") {
-            return self.min(other);
-        }
-        // `f32x4.min` is seven instructions on x86-64, and `f32x4.pmin`, which LLVM makes of this loop, is one.
-        let mut out = self;
-        for lane in 0..Self::LEN {
-            out[lane] = fast_min(self[lane], other[lane]);
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn fast_max(self, other: Self) -> Self {
-        if !cfg!(target_arch = "wasm32") {
-            return self.max(other);
-        }
-        let mut out = self;
-        for lane in 0..Self::LEN {
-            out[lane] = fast_max(self[lane], other[lane]);
-        }
-        out
-    }
-}
-
-impl<S: Simd, V: SimdFloat<S, Element = f32>> FastExtremes<S> for V {}
-
 /// The floor, clamped to whole numbers from `low` to `high`.
 #[inline(always)]
 pub(super) fn floor_of<S: Simd>(v: F<S>, low: F<S>, high: F<S>) -> F<S> {
@@ -215,13 +80,7 @@ pub(super) fn nonzero<S: Simd>(simd: S, v: F<S>) -> F<S> {
     v.abs().simd_lt(least).select(least, v)
 }
 
-/// Most rays of a packet.
-const MAX_LANES: usize = 16;
-
-/// The words of the rays.
-///
-/// Like `from_fn` of vectors, in a loop: `from_fn` and `map` of arrays are compiled without the instruction set, and then call the
-/// closure for each element, with all vectors in memory.
+/// The words of the rays. Like `from_fn` of vectors, but in a loop.
 #[expect(clippy::needless_range_loop, reason = "iterators may be calls, too")]
 #[inline(always)]
 fn words_of<S: Simd>(simd: S, word: impl Fn(usize) -> u32) -> U<S> {
@@ -230,17 +89,6 @@ fn words_of<S: Simd>(simd: S, word: impl Fn(usize) -> u32) -> U<S> {
         words[lane] = word(lane);
     }
     U::<S>::from_slice(simd, &words[..U::<S>::LEN])
-}
-
-/// Two words of half of the rays.
-#[expect(clippy::needless_range_loop, reason = "iterators may be calls, too")]
-#[inline(always)]
-fn halves_of<S: Simd>(simd: S, two_words: impl Fn(usize) -> u64) -> U<S> {
-    let mut all = [0; MAX_LANES / 2];
-    for i in 0..L::<S>::LEN {
-        all[i] = two_words(i);
-    }
-    L::<S>::from_slice(simd, &all[..L::<S>::LEN]).bitcast::<U<S>>()
 }
 
 /// `map` of four values, which is inlined.
@@ -255,11 +103,7 @@ pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
     let last = splat_u(simd, (words.len().min(1 << 31) as u32).saturating_sub(1));
     // Lanes outside read the last word: a branch that depends on the lane would often be predicted wrongly.
     let inside = at.min(last);
-    let found = words_of(
-        simd,
-        #[inline(always)]
-        |lane| words.get(inside[lane] as usize).copied().unwrap_or(0),
-    );
+    let found = words_of(simd, always!(|lane: usize| words.get(inside[lane] as usize).copied().unwrap_or(0)));
     at.simd_le(last).select(found, splat_u(simd, 0))
 }
 
@@ -272,59 +116,13 @@ pub(super) fn gather_where<S: Simd>(simd: S, words: &[u32], at: U<S>, mask: M<S>
 /// Words of a page at some places in it. Higher bits of `at` are ignored, so that no lane needs a test.
 #[inline(always)]
 pub(super) fn gather_page<S: Simd>(simd: S, page: &[u32; PAGE_WORDS], at: U<S>) -> U<S> {
-    words_of(
-        simd,
-        #[inline(always)]
-        |lane| page[at[lane] as usize % PAGE_WORDS],
-    )
-}
-
-/// Two words of each ray, which are read at once.
-#[inline(always)]
-pub(super) fn pairs<S: Simd>(simd: S, pair: impl Fn(usize) -> [u32; 2]) -> [U<S>; 2] {
-    let half = F::<S>::LEN / 2;
-    let part = always(
-        #[inline(always)]
-        |first: usize| {
-            halves_of(
-                simd,
-                #[inline(always)]
-                |i| bytemuck::cast(pair(first + i)),
-            )
-        },
-    );
-    let (low, high) = part(0).deinterleave(part(half));
-    [low, high]
-}
-
-/// Four words of each ray, which are read at once.
-#[inline(always)]
-pub(super) fn quadruples<S: Simd>(simd: S, quadruple: impl Fn(usize) -> [u32; 4]) -> [U<S>; 4] {
-    let quarter = F::<S>::LEN / 4;
-    let part = always(
-        #[inline(always)]
-        |first: usize| {
-            halves_of(
-                simd,
-                #[inline(always)]
-                |i| bytemuck::cast::<[u32; 4], [u64; 2]>(quadruple(first + i / 2))[i % 2],
-            )
-        },
-    );
-    let (a, b) = part(0).deinterleave(part(quarter));
-    let (c, d) = part(2 * quarter).deinterleave(part(3 * quarter));
-    let ((even, third), (odd, fourth)) = (a.deinterleave(c), b.deinterleave(d));
-    [even, odd, third, fourth]
+    words_of(simd, always!(|lane: usize| page[at[lane] as usize % PAGE_WORDS]))
 }
 
 /// The numbers of the lanes.
 #[inline(always)]
 pub(super) fn lane_numbers<S: Simd>(simd: S) -> U<S> {
-    words_of(
-        simd,
-        #[inline(always)]
-        |lane| lane as u32,
-    )
+    words_of(simd, always!(|lane: usize| lane as u32))
 }
 
 /// The first lane of a mask; the last lane of an empty one.

@@ -3,11 +3,10 @@
 
 use super::hits::{Hits, MeshHits, Segments, read_vec4};
 use super::lanes::{
-    F, FastExtremes, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of,
-    quadruples, splat, splat_u, whole,
+    F, FastExtremes, Lanes, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of,
+    splat, splat_u, whole,
 };
 use super::objects::ObjectWords;
-use super::shade::{linear_of, normalize_or};
 use crate::cpu::mesh::{MESH_LIFT_M, MESH_LIFT_SHARE, TextureHit, texture_colour};
 use crate::cpu::mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO};
 use crate::cpu::ray::SceneRef;
@@ -15,6 +14,7 @@ use crate::cpu::words::{codes_per_row, halves};
 use crate::layout::{ADDED_LEVEL, DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE};
 use crate::mesh::LEAF_OFFSET_STEPS;
 use crate::pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK};
+use crate::srgb::linear_colours;
 use fearless_simd::prelude::*;
 use insula_protocol::NODE_CELLS;
 use insula_protocol::blockmap::flag;
@@ -62,18 +62,10 @@ pub(super) fn hit_triangles<S: Simd>(
     let (zero, t) = (splat(simd, 0.0), nearest.t);
     let triangles = Triangles::read(simd, scene, nearest.triangle, found);
     let [a, b, c] = triangles.corners;
-    let across = cross(b.sub(a), c.sub(a));
+    let across = cross(b - a, c - a);
     let away = across.dot(segments.dir).simd_ge(zero);
-    let facing = across.map(
-        #[inline(always)]
-        |v| away.select(-v, v),
-    );
-    let back = segments.dir.map(
-        #[inline(always)]
-        |v| -v,
-    );
-    let normal = normalize_or(simd, facing, back);
-    let p = segments.origin.add(segments.dir.scale(t));
+    let normal = Vec3s::select(away, -across, across).normalize_or(simd, -segments.dir);
+    let p = segments.origin + segments.dir.scale(t);
     let mut albedo = triangles.colours(simd, found, nearest);
     if info[1] != 0 {
         for lane in lanes_of::<S>(found) {
@@ -106,7 +98,7 @@ pub(super) fn hit_triangles<S: Simd>(
     hits.node = found.select(splat_u(simd, index), hits.node);
     hits.stone = found.select(splat_u(simd, 0), hits.stone);
     if scene.frame.shadow_m > 0.0 {
-        let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
+        let origin = p + normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M);
         hits.shadow_origin = Vec3s::select(found, origin, hits.shadow_origin);
     }
 }
@@ -120,26 +112,11 @@ impl<S: Simd> Triangles<S> {
     #[inline(always)]
     fn read(simd: S, scene: &SceneRef<'_>, triangle: U<S>, lanes: M<S>) -> Self {
         let triangle = lanes.select(triangle, splat_u(simd, 0));
-        let part = always(
-            #[inline(always)]
-            |i: u32| {
-                quadruples(
-                    simd,
-                    #[inline(always)]
-                    |lane| read_vec4(scene, triangle[lane] + i),
-                )
-            },
-        );
+        let part = always!(|i: u32| { simd.quadruples(always!(|lane: usize| read_vec4(scene, triangle[lane] + i)),) });
         let ([a, b, c, d], [e, f, g, h]) = (part(0), part(1));
         let words = [a, b, c, d, e];
-        let low = always(
-            #[inline(always)]
-            |i: usize| float_u::<S>(words[i] & 0xffff),
-        );
-        let high = always(
-            #[inline(always)]
-            |i: usize| float_u::<S>(words[i] >> 16),
-        );
+        let low = always!(|i: usize| float_u::<S>(words[i] & 0xffff));
+        let high = always!(|i: usize| float_u::<S>(words[i] >> 16));
         let corners = [
             Vec3s::<S> { x: low(0), y: high(0), z: low(1) },
             Vec3s::<S> { x: high(1), y: low(2), z: high(2) },
@@ -153,10 +130,10 @@ impl<S: Simd> Triangles<S> {
     fn colours(&self, simd: S, lanes: M<S>, nearest: &MeshHits<S>) -> Vec3s<S> {
         let [a, b, c] = self.carried;
         if (lanes & (a.simd_ne(b) | a.simd_ne(c))).all_false() {
-            return linear_of(simd, a);
+            return linear_colours(simd, a);
         }
-        let (a, b, c) = (linear_of(simd, a), linear_of(simd, b), linear_of(simd, c));
-        a.add(b.sub(a).scale(nearest.u)).add(c.sub(a).scale(nearest.v))
+        let (a, b, c) = (linear_colours(simd, a), linear_colours(simd, b), linear_colours(simd, c));
+        a + (b - a).scale(nearest.u) + (c - a).scale(nearest.v)
     }
 }
 
@@ -168,12 +145,9 @@ impl<S: Simd> CoveredColumns<'_, S> {
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let depth = 0.5 * node.cell_m;
         let offset = halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
-        let place = always(
-            #[inline(always)]
-            |p: F<S>, normal: F<S>, corner: f32, offset: f32| {
-                (p - corner - normal * depth) / node.cell_m + offset - 0.5
-            },
-        );
+        let place = always!(|p: F<S>, normal: F<S>, corner: f32, offset: f32| {
+            (p - corner - normal * depth) / node.cell_m + offset - 0.5
+        });
         let at = Vec2s::<S> {
             x: place(p.x, normal.x, node.corner[0], offset.x),
             y: place(p.y, normal.y, node.corner[1], offset.y),
@@ -228,10 +202,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
         let (simd, codes) = (self.simd, self.codes);
         let (zero, one, zeros) = (splat(simd, 0.0), splat(simd, 1.0), splat_u(simd, 0));
         let walk = self.read_plane(WALK_PLANE, number);
-        let bit = always(
-            #[inline(always)]
-            |flag: u8| has(simd, walk, u32::from(flag) << FLAGS_SHIFT),
-        );
+        let bit = always!(|flag: u8| has(simd, walk, u32::from(flag) << FLAGS_SHIFT));
         let (exposed, gap) = (bit(flag::EXPOSED), bit(flag::GAP));
         let two = splat_u(simd, 2);
         let head = bit(flag::CLIPPED).select(two, zeros) + gap.select(two, zeros);
@@ -245,10 +216,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
         let is_roof = upwards.simd_gt(splat(simd, ROOF_NORMAL_Z));
         let by_roof = !exposed | (is_roof & near_top);
         let from_roof = known & by_roof & near_top;
-        let ao = always(
-            #[inline(always)]
-            |texel: U<S>| float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX),
-        );
+        let ao = always!(|texel: U<S>| float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX));
         let roof = ao(self.read_plane(ROOF_PLANE, number));
         let mut sky = from_roof.select(is_roof.select(roof, roof * 0.5), zero);
         let mut weight = from_roof.select(is_roof.select(one, splat(simd, ROOF_WEIGHT_ON_WALL)), zero);
@@ -261,10 +229,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
             let low = row.floor();
             let a = self.read(from_wall, texels + whole::<S>(low));
             let b = self.read(from_wall, texels + whole::<S>((low + 1.0).fast_min(rows)));
-            let covered = always(
-                #[inline(always)]
-                |texel: U<S>, share: F<S>| (texel & OPAQUE).simd_ne(zeros).select(share, zero),
-            );
+            let covered = always!(|texel: U<S>, share: F<S>| (texel & OPAQUE).simd_ne(zeros).select(share, zero));
             let (wa, wb) = (covered(a, one - (row - low)), covered(b, row - low));
             let both = wa + wb;
             let some = from_wall & both.simd_gt(zero);
@@ -279,10 +244,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
     fn is_inside(&self, node: &DrawNode, lanes: M<S>, p: Vec3s<S>, normal: Vec3s<S>) -> M<S> {
         let simd = self.simd;
         let offset = halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
-        let before = always(
-            #[inline(always)]
-            |p: F<S>, corner: f32, normal: F<S>| p - corner + normal * node.cell_m,
-        );
+        let before = always!(|p: F<S>, corner: f32, normal: F<S>| p - corner + normal * node.cell_m);
         let x = before(p.x, node.corner[0], normal.x) / node.cell_m + offset.x;
         let y = before(p.y, node.corner[1], normal.y) / node.cell_m + offset.y;
         let z = before(p.z, node.corner[2], normal.z) / node.z_step_m;

@@ -1,7 +1,7 @@
 //! How the rays of a packet enter a node. The scalar code is [`enter_node`](crate::cpu::node::enter_node).
 
 use super::hits::Segments;
-use super::lanes::{F, FastExtremes, I, M, Vec2s, Vec3s, nonzero, splat, splat_i};
+use super::lanes::{F, FastExtremes, I, M, Vec2s, Vec3s, always, nonzero, splat, splat_i};
 use super::pages::planes_at;
 use crate::cpu::node::planes_of;
 use crate::cpu::ray::{NodeRay, SceneRef};
@@ -58,11 +58,8 @@ impl<'a, S: Simd> NodeRays<'a, S> {
         words: NodeWords<'a>,
     ) -> Self {
         let scale = Vec3s::splat(simd, Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m));
-        let o = segments.origin.sub(Vec3s::splat(simd, node.corner.into())).mul(scale);
-        let d = segments.dir.mul(scale).map(
-            #[inline(always)]
-            |v| nonzero(simd, v),
-        );
+        let o = (segments.origin - Vec3s::splat(simd, node.corner.into())) * scale;
+        let d = (segments.dir * scale).map(always!(|v: F<S>| nonzero(simd, v)));
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
         let row = NODE_CELLS as i32;

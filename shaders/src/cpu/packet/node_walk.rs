@@ -6,8 +6,8 @@
 use super::column::{ColumnCrossing, hit_columns};
 use super::hits::{Hits, Segments};
 use super::lanes::{
-    F, FastExtremes, I, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, quadruples,
-    splat, splat_i, splat_u, to_u,
+    F, FastExtremes, I, Lanes, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, splat,
+    splat_i, splat_u, to_u,
 };
 use super::node_rays::{NodeRays, NodeWords};
 use crate::cpu::ray::SceneRef;
@@ -101,10 +101,7 @@ pub(super) fn walk_node<S: Simd>(
             seeking = rays.step_cells(seeking, &mut cells, &mut found);
         }
         if found.lanes.any_true() {
-            simd.vectorize(
-                #[inline(always)]
-                || hit_columns(scene, segments, &rays, &found, hits),
-            );
+            simd.vectorize(always!(|| hit_columns(scene, segments, &rays, &found, hits)));
             lanes &= !hits.is_hit;
             cells.active &= lanes;
         }
@@ -125,15 +122,9 @@ impl<S: Simd> NodeRays<'_, S> {
             return None;
         }
         let (zero, last) = (splat(simd, 0.0), splat(simd, (NODE_BLOCKS - 1) as f32));
-        let first = always(
-            #[inline(always)]
-            |o: F<S>, d: F<S>| floor_of::<S>((o + d * begin) * (1.0 / BLOCK_CELLS as f32), zero, last),
-        );
+        let first = always!(|o: F<S>, d: F<S>| floor_of::<S>((o + d * begin) * (1.0 / BLOCK_CELLS as f32), zero, last));
         let (x, y) = (first(self.o.x, self.d.x), first(self.o.y, self.d.y));
-        let edge = always(
-            #[inline(always)]
-            |block: F<S>, ahead: F<S>| (block + ahead) * BLOCK_CELLS as f32,
-        );
+        let edge = always!(|block: F<S>, ahead: F<S>| (block + ahead) * BLOCK_CELLS as f32);
         let blocks = BlockSteps {
             t_end: end,
             edge: Vec2s::<S> { x: edge(x, self.ahead.x), y: edge(y, self.ahead.y) },
@@ -150,24 +141,15 @@ impl<S: Simd> NodeRays<'_, S> {
         let (simd, node) = (self.simd, self.node);
         let half = splat(simd, NODE_CELLS as f32 / 2.0);
         let zeros = splat_u(simd, 0);
-        let quarter = always(
-            #[inline(always)]
-            |t: F<S>| [(self.o.x + self.d.x * t).simd_ge(half), (self.o.y + self.d.y * t).simd_ge(half)],
-        );
+        let quarter =
+            always!(|t: F<S>| [(self.o.x + self.d.x * t).simd_ge(half), (self.o.y + self.d.y * t).simd_ge(half)]);
         let ([ax, ay], [bx, by]) = (quarter(begin), quarter(end));
         // A byte for each quarter.
-        let packed = (0..4).fold(
-            0,
-            #[inline(always)]
-            |word, i| word | (node.quarter_below(i) << (8 * i)),
-        );
-        let below_of = always(
-            #[inline(always)]
-            |x: M<S>, y: M<S>| {
-                let shift = x.select(splat_u(simd, 8), zeros) + y.select(splat_u(simd, 16), zeros);
-                (splat_u(simd, packed) >> shift) & 0xff
-            },
-        );
+        let packed = (0..4).fold(0, always!(|word: u32, i: usize| word | (node.quarter_below(i) << (8 * i))));
+        let below_of = always!(|x: M<S>, y: M<S>| {
+            let shift = x.select(splat_u(simd, 8), zeros) + y.select(splat_u(simd, 16), zeros);
+            (splat_u(simd, packed) >> shift) & 0xff
+        });
         // From a quarter to the opposite one the ray crosses a third.
         let opposite = (ax ^ bx) & (ay ^ by);
         let below = opposite.select(zeros, below_of(ax, ay).min(below_of(bx, by)));
@@ -184,10 +166,7 @@ impl<S: Simd> NodeRays<'_, S> {
         let t_end = exit.fast_min(blocks.t_end).fast_max(t);
         let rows = block_rows(simd, &self.words, to_u::<S>(number), wanting);
         let [a, b, c, d] = rows;
-        let byte = always(
-            #[inline(always)]
-            |word: U<S>| word >> SUMMARY_BYTE_SHIFT,
-        );
+        let byte = always!(|word: U<S>| word >> SUMMARY_BYTE_SHIFT);
         let (a, b, c, d) = (byte(a), byte(b), byte(c), byte(d));
         let (lowest, highest) = (float_u::<S>(a | (b << 8)), float_u::<S>(c | (d << 8)));
         let (z_in, z_out) = (self.z_at(t), self.z_at(t_end));
@@ -205,13 +184,10 @@ impl<S: Simd> NodeRays<'_, S> {
         if meets.all_false() {
             return;
         }
-        let cell = always(
-            #[inline(always)]
-            |o: F<S>, d: F<S>, edge: F<S>, ahead: F<S>| {
-                let low = edge - ahead * size;
-                floor_of::<S>(o + d * t, low, low + (size - 1.0))
-            },
-        );
+        let cell = always!(|o: F<S>, d: F<S>, edge: F<S>, ahead: F<S>| {
+            let low = edge - ahead * size;
+            floor_of::<S>(o + d * t, low, low + (size - 1.0))
+        });
         let x = cell(self.o.x, self.d.x, edge.x, self.ahead.x);
         let y = cell(self.o.y, self.d.y, edge.y, self.ahead.y);
         cells.active |= meets;
@@ -297,20 +273,13 @@ fn block_rows<S: Simd>(simd: S, words: &NodeWords<'_>, number: U<S>, lanes: M<S>
         return [splat_u(simd, a), splat_u(simd, b), splat_u(simd, c), splat_u(simd, d)];
     }
     let place = (number & (side - 1)) + ((number >> BLOCK_ROW.ilog2()) << side.ilog2());
-    quadruples(
-        simd,
-        #[inline(always)]
-        |lane| blocks[place[lane] as usize % blocks.len()],
-    )
+    simd.quadruples(always!(|lane: usize| blocks[place[lane] as usize % blocks.len()]))
 }
 
 /// Whether the rays may be in a solid somewhere in the cell, by the column's word.
 #[inline(always)]
 fn may_hit<S: Simd>(simd: S, word: U<S>, lower: F<S>, upper: F<S>, quad_top: F<S>) -> M<S> {
-    let bit = always(
-        #[inline(always)]
-        |flag: u8| has(simd, word, u32::from(flag) << FLAGS_SHIFT),
-    );
+    let bit = always!(|flag: u8| has(simd, word, u32::from(flag) << FLAGS_SHIFT));
     let (high, low) = (float_u::<S>(word & HEIGHT_MASK), float_u::<S>((word >> HEIGHT_BITS) & HEIGHT_MASK));
     let with_gap = lower.simd_le(low) | upper.simd_ge(high);
     let top = bit(flag::INCLINED).select(quad_top, high);

@@ -1,9 +1,9 @@
 //! Objects of what the rays of a packet hit. The scalar code is [`objects`](crate::cpu::objects).
 
 use super::lanes::{M, U, Vec3s, gather_where, has, splat_u};
-use super::shade::linear_of;
 use crate::cpu::ray::SceneRef;
 use crate::layout::{DrawNode, OBJECT_BITS, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN};
+use crate::srgb::linear_colours;
 use fearless_simd::prelude::*;
 
 /// The objects that rays hit.
@@ -80,7 +80,7 @@ impl<S: Simd> ObjectWords<S> {
         if coloured.all_false() {
             return albedo;
         }
-        Vec3s::select(coloured, linear_of(simd, self.word), albedo)
+        Vec3s::select(coloured, linear_colours(simd, self.word), albedo)
     }
 
     /// Words with the colours that objects have instead of texels.

@@ -1,6 +1,6 @@
 //! Pages of the atlas whose words packets read without testing each place.
 
-use super::lanes::map4;
+use super::lanes::{always, map4};
 use crate::cpu::node::planes_of;
 use crate::layout::{DrawNode, PAGE_WORDS, PLANES};
 
@@ -17,11 +17,7 @@ fn page_at(atlas: &[u32], first: usize) -> Option<&[u32; PAGE_WORDS]> {
 /// The words of a node's planes; `None` if the atlas ends within one.
 #[inline(always)]
 pub(super) fn planes_at<'a>(atlas: &'a [u32], node: &DrawNode) -> Option<[&'a [u32; PAGE_WORDS]; PLANES]> {
-    let [a, b, c, d] = map4(
-        planes_of(node),
-        #[inline(always)]
-        |first| page_at(atlas, first),
-    );
+    let [a, b, c, d] = map4(planes_of(node), always!(|first: usize| page_at(atlas, first)));
     Some([a?, b?, c?, d?])
 }
 

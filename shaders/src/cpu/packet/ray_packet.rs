@@ -1,14 +1,13 @@
 //! The rays of a packet: their pixels, directions, and points of the sun.
 
-use super::lanes::{F, M, U, Vec2s, Vec3s, always, float_u, lane_numbers, lanes_of, splat, splat_u};
-use super::shade::normalize_or;
+use super::lanes::{F, M, U, Vec3s, float_u, lane_numbers, lanes_of, splat, splat_u};
 use super::trace::{TracedRays, trace};
 use crate::cpu::ray::SceneRef;
-use crate::cpu::raycast::sun_axes;
+use crate::cpu::raycast::{ray_directions, sun_axes, sun_direction, thresholds};
 use crate::layout::{FrameUniform, GOLDEN_TURN};
 use crate::tone::gradient_noise;
 use fearless_simd::prelude::*;
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use std::f32::consts::TAU;
 
 /// A ray of the frame: its pixel, and its number in that.
@@ -131,17 +130,7 @@ impl<S: Simd> RayPacket<S> {
             right = (float_u::<S>(self.column) + 0.5) / n as f32;
             down = (float_u::<S>(self.row) + 0.5) / n as f32;
         }
-        let ndc = always(
-            #[inline(always)]
-            |at: F<S>, offset: F<S>, size: u32| (at + offset) / size as f32 * 2.0 - 1.0,
-        );
-        let (x, y) = (float_u::<S>(self.x), float_u::<S>(self.y));
-        let (x, y) = (ndc(x, right, frame.width_px), ndc(y, down, frame.height_px));
-        let along = always(
-            #[inline(always)]
-            |i: usize| (x * frame.right[i] + frame.forward[i]) - y * frame.up[i],
-        );
-        normalize_or(simd, Vec3s::<S> { x: along(0), y: along(1), z: along(2) }, Vec3s::splat(simd, Vec3::X))
+        ray_directions(simd, frame, [float_u::<S>(self.x) + right, float_u::<S>(self.y) + down])
     }
 
     #[inline(always)]
@@ -153,46 +142,30 @@ impl<S: Simd> RayPacket<S> {
         (dir, airlight): (Vec3s<S>, Vec3s<S>),
     ) -> TracedRays<S> {
         let sun = self.sun(simd, scene.frame, samples);
-        trace(simd, scene, self.lanes, (dir, sun, airlight), self.threshold(samples))
+        trace(
+            simd,
+            scene,
+            self.lanes,
+            (dir, sun, airlight),
+            thresholds::<S>([self.x, self.y], [self.column, self.row], samples),
+        )
     }
 
     /// Points of the sun's disc.
     #[inline(always)]
     fn sun(&self, simd: S, frame: &FrameUniform, samples: u32) -> Vec3s<S> {
-        let sun = Vec3s::splat(simd, frame.sun.into());
+        let mut sun = Vec3s::splat(simd, frame.sun.into());
         if frame.shadow_m <= 0.0 || frame.sun_radius <= 0.0 {
             return sun;
         }
-        let rays = (samples * samples) as f32;
-        let mut turn = Vec2s::<S> { x: splat(simd, 0.0), y: splat(simd, 0.0) };
-        let mut root = splat(simd, 0.0);
+        let (axes, rays) = (sun_axes(frame), (samples * samples) as f32);
         for lane in lanes_of::<S>(self.lanes) {
-            let mut point = Vec2::from_angle(TAU * gradient_noise(self.x[lane], self.y[lane]));
+            let mut turn = Vec2::from_angle(TAU * gradient_noise(self.x[lane], self.y[lane]));
             for _ in 0..self.sample[lane] {
-                point = point.rotate(GOLDEN_TURN);
+                turn = turn.rotate(GOLDEN_TURN);
             }
-            (turn.x[lane], turn.y[lane]) = (point.x, point.y);
-            root[lane] = ((self.sample[lane] as f32 + 0.5) / rays).sqrt();
+            sun.set_lane(lane, sun_direction(frame, &axes, (self.sample[lane] as f32 + 0.5) / rays, turn));
         }
-        let [across, up] = sun_axes(frame);
-        let point = always(
-            #[inline(always)]
-            |across: f32, up: f32| (turn.x * across + turn.y * up) * root,
-        );
-        sun.add(Vec3s::<S> { x: point(across.x, up.x), y: point(across.y, up.y), z: point(across.z, up.z) })
-    }
-
-    /// As the scalar `threshold_of`.
-    #[inline(always)]
-    fn threshold(&self, samples: u32) -> U<S> {
-        let (x, y) = (self.x * samples + self.column, self.y * samples + self.row + samples / 2);
-        let order = always(
-            #[inline(always)]
-            |x: U<S>, y: U<S>| {
-                let a = x ^ y;
-                ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
-            },
-        );
-        (order(x, y) << 6) | order(x >> 3, y >> 3)
+        sun
     }
 }

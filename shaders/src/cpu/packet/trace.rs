@@ -3,18 +3,19 @@
 
 use super::grid_walk::walk_grid;
 use super::hits::{Hits, Segments};
-use super::lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u};
+use super::lanes::{F, FastExtremes, M, U, Vec3s, always, lanes_of, splat, splat_u};
 use super::mesh::walk_meshes;
-use super::shade::{Radiances, apply_haze, linear_of, lit_normals, reflected, unit_normal};
-use super::sky::{background, ground_distance};
 use super::stone::stones_of;
 use crate::cpu::night::lamp_light;
 use crate::cpu::ray::{RayHit, SUN_LIFT_M, SceneRef};
 use crate::cpu::raycast::radiance_with;
 use crate::cpu::sea::sea_share;
-use crate::cpu::shade::{Airlight, SurfaceSample, background as scalar_background};
+use crate::cpu::shade::{
+    Airlight, Radiances, SurfaceSample, background, ground_distances, hazed, lit_normals, open_sky, plane, reflections,
+};
 use crate::layout::{FrameUniform, PALETTE_OUTLINED, Shading};
 use crate::mesh::ORIGINS_PER_M;
+use crate::srgb::linear_colours;
 use crate::stone::Stone;
 use fearless_simd::prelude::*;
 use glam::Vec3;
@@ -48,7 +49,7 @@ pub(super) fn trace<S: Simd>(
     walk(simd, scene, &segments, lanes, &mut seen);
     convert_colours(simd, &mut seen);
     seen.ao = seen.ao.fast_max(splat(simd, frame.light.sky_up[3]));
-    let ground_m = ground_distance(simd, frame, dir);
+    let ground_m = ground_distances(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {
         let eye_m = seen.is_hit.select(seen.distance_m, ground_m);
@@ -56,19 +57,13 @@ pub(super) fn trace<S: Simd>(
         // Nothing shadows the sky.
         let lit = lanes & largest.simd_gt(zero) & eye_m.simd_lt(infinity);
         if lit.any_true() {
-            let on_plane = dir.scale(eye_m).add(Vec3s::splat(simd, Vec3::Z * SUN_LIFT_M));
+            let on_plane = dir.scale(eye_m) + Vec3s::splat(simd, Vec3::Z * SUN_LIFT_M);
             let origin = Vec3s::select(seen.is_hit, seen.shadow_origin, on_plane);
-            let origin = origin.map(
-                #[inline(always)]
-                |v| (v * ORIGINS_PER_M + 0.5).floor() / ORIGINS_PER_M,
-            );
+            let origin = (origin * ORIGINS_PER_M + 0.5).floor() / ORIGINS_PER_M;
             let segments = Segments { origin, dir: sun, reach_m: frame.shadow_m, eye_m, to_sun: true, threshold };
             let mut shadows = Hits::nothing(simd);
             walk(simd, scene, &segments, lit, &mut shadows);
-            light.sun = light.sun.map(
-                #[inline(always)]
-                |v| shadows.is_hit.select(zero, v),
-            );
+            light.sun = Vec3s::select(shadows.is_hit, Vec3s::splat(simd, Vec3::ZERO), light.sun);
         }
     }
     let mut is_outlined = M::<S>::splat(simd, false);
@@ -79,7 +74,7 @@ pub(super) fn trace<S: Simd>(
         }
     }
     TracedRays {
-        rgb: light.sky.add(light.sun),
+        rgb: light.sky + light.sun,
         normal: seen.normal,
         distance_m: seen.distance_m,
         node: seen.node,
@@ -92,17 +87,11 @@ pub(super) fn trace<S: Simd>(
 #[inline(always)]
 fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M<S>, hits: &mut Hits<S>) {
     if scene.frame.levels != 0 {
-        simd.vectorize(
-            #[inline(always)]
-            || walk_grid(simd, scene, segments, lanes, hits),
-        );
+        simd.vectorize(always!(|| walk_grid(simd, scene, segments, lanes, hits)));
     }
     for (index, node) in scene.additions() {
         let open = if segments.to_sun { lanes & !hits.is_hit } else { lanes };
-        simd.vectorize(
-            #[inline(always)]
-            || walk_meshes(simd, scene, segments, (node, index), open, hits),
-        );
+        simd.vectorize(always!(|| walk_meshes(simd, scene, segments, (node, index), open, hits)));
     }
 }
 
@@ -111,7 +100,7 @@ fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M
 fn convert_colours<S: Simd>(simd: S, hits: &mut Hits<S>) {
     let is_word = hits.colour.simd_ne(splat_u(simd, 0));
     if is_word.any_true() {
-        hits.albedo = Vec3s::select(is_word, linear_of(simd, hits.colour), hits.albedo);
+        hits.albedo = Vec3s::select(is_word, linear_colours(simd, hits.colour), hits.albedo);
     }
 }
 
@@ -147,7 +136,7 @@ fn radiances<S: Simd>(
 ) -> Radiances<S> {
     let frame = scene.frame;
     let zero3 = Vec3s::splat(simd, Vec3::ZERO);
-    let mut light = Radiances::<S> { sky: zero3, sun: zero3 };
+    let mut light = Radiances { sky: zero3, sun: zero3 };
     let is_stone = hits.stone.simd_ne(splat_u(simd, 0));
     let is_mirror = (hits.flags & u32::from(flag::REFLECTIVE)).simd_ne(splat_u(simd, 0));
     let mut special = lanes & hits.is_hit & (is_stone | is_mirror);
@@ -159,8 +148,8 @@ fn radiances<S: Simd>(
     }
     let plain = lanes & !special;
     if (plain & hits.is_hit).any_true() {
-        let normal = lit_normals(simd, frame, hits.albedo, unit_normal(simd, hits.normal, dir));
-        let mut surfaces = reflected(simd, frame, hits, normal);
+        let normal = lit_normals(simd, frame, hits.albedo, hits.normal.normalize_or(simd, -dir));
+        let mut surfaces = reflections(simd, frame, (hits.albedo, normal, hits.ao));
         if frame.light.street[3] > 0.0 {
             for lane in lanes_of::<S>(plain & hits.is_hit) {
                 let hit = hits.lane(scene, lane);
@@ -170,13 +159,21 @@ fn radiances<S: Simd>(
                 surfaces.sky.set_lane(lane, surfaces.sky.lane(lane) + lamps);
             }
         }
-        light = apply_haze(simd, frame, &surfaces, (dir, airlight), hits.distance_m);
+        light = hazed(simd, frame, &surfaces, (dir, airlight), (hits.distance_m, 1.0));
     }
     let beyond = plain & !hits.is_hit;
     if beyond.any_true() {
-        let far = background(simd, frame, beyond, (dir, airlight, ground_m));
-        light.sky = Vec3s::select(beyond, far.sky, light.sky);
-        light.sun = Vec3s::select(beyond, far.sun, light.sun);
+        let on_plane = beyond & ground_m.simd_lt(splat(simd, f32::INFINITY));
+        if on_plane.any_true() {
+            let far = plane(simd, frame, (dir, airlight), ground_m);
+            light.sky = Vec3s::select(on_plane, far.sky, light.sky);
+            light.sun = Vec3s::select(on_plane, far.sun, light.sun);
+        }
+        let in_sky = beyond & !on_plane;
+        if in_sky.any_true() {
+            light.sky = Vec3s::select(in_sky, open_sky(simd, frame, in_sky, dir), light.sky);
+            light.sun = Vec3s::select(in_sky, zero3, light.sun);
+        }
     }
     if special.all_false() {
         return light;
@@ -188,7 +185,7 @@ fn radiances<S: Simd>(
             let stone = |_: &Stone, surface: &SurfaceSample| stones.lane(lane, surface.normal);
             radiance_with(scene, &hits.lane(scene, lane), dir, &airlight, stone)
         } else {
-            scalar_background(frame, dir, &airlight)
+            background(frame, dir, &airlight)
         };
         light.sky.set_lane(lane, lit.sky);
         light.sun.set_lane(lane, lit.sun);
