@@ -12,6 +12,7 @@ pub mod error;
 pub mod manifest;
 pub mod mesh;
 pub mod mesh_tile;
+pub mod name;
 pub mod object_tile;
 pub mod octahedral;
 pub mod release;

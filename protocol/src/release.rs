@@ -1,6 +1,6 @@
 //! The release of a city, a part of the manifest: of which day it is, and with which earlier ones it shares tiles.
 
-use crate::manifest::is_name;
+use crate::name::is_name;
 use serde::{Deserialize, Serialize};
 
 /// Most cities with which one shares tiles.

@@ -3,7 +3,7 @@
 //! Addresses are never percent-decoded. Names and numbers have one spelling each, so every resource has one address and
 //! caches hold it once.
 
-use crate::manifest::is_name;
+use crate::name::is_name;
 use crate::object_tile::{self, SCHEMA_ID};
 use crate::{TileGroup, TileId, TileKind, mesh_tile};
 use std::borrow::Cow;

@@ -7,7 +7,7 @@
 
 use crate::secret_file::SecretFile;
 use hmac::{Hmac, KeyInit, Mac};
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::route::RouteTemplate;
 use insula_protocol::{Manifest, TileId, TileKind};
 use percent_encoding::percent_decode_str;

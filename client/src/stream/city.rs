@@ -10,7 +10,7 @@ use bytes::Bytes;
 use insula_archive::city::{MANIFEST_FILE, parse_manifest, read_manifest};
 use insula_archive::disk_cache::DiskCache;
 use insula_protocol::Manifest;
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::route::{self, CITIES, without_secrets};
 use insula_protocol::text::printable;
 use insula_viewer::scene::tile::retry_delay;

@@ -2,7 +2,7 @@
 
 use crate::error::{ClientError, Result};
 use insula_archive::city::{MANIFEST_FILE, dated_folder, first_city_in};
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::route::{self, CITIES, without_secrets};
 use std::ffi::OsStr;
 use std::fmt;

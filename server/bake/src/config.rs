@@ -10,6 +10,7 @@ use crate::{ground, hash, mesh};
 use insula_objects::Labels;
 use insula_protocol::blockmap::Quality;
 use insula_protocol::manifest::{self, Attribution, MAX_TEXT_BYTES};
+use insula_protocol::name;
 use insula_protocol::{NODE_CELLS, tile};
 use insula_source::source::read_file;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -354,13 +355,11 @@ fn place(options: &BakeOptions, folder: &str) -> String {
 
 fn check_name(requested: Option<&str>, folder: &str) -> Result<String, BakeError> {
     match requested {
-        None => Ok(manifest::to_name(folder)),
-        Some(name) if manifest::is_name(name) => Ok(name.to_owned()),
+        None => Ok(name::to_name(folder)),
+        Some(name) if name::is_name(name) => Ok(name.to_owned()),
         Some(name) => {
-            let advice = format!(
-                "a name has at most 64 characters of a-z, 0-9, _ and -, for example {}",
-                manifest::to_name(name)
-            );
+            let advice =
+                format!("a name has at most 64 characters of a-z, 0-9, _ and -, for example {}", name::to_name(name));
             Err(BakeError::Option { option: "--name", value: name.to_owned(), advice })
         }
     }

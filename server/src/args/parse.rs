@@ -5,7 +5,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use insula_archive::city::{MANIFEST_FILE, dated_folder};
 use insula_protocol::TileId;
 use insula_protocol::blockmap::Quality;
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::release::is_date;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

@@ -10,7 +10,7 @@ use insula_archive::city::MANIFEST_FILE;
 #[cfg(feature = "bake")]
 use insula_bake::read::EarthPlace;
 use insula_command_line::area::AreaArgs;
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::text::printable;
 use insula_protocol::{Manifest, route};
 use serde_json::json;

@@ -4,7 +4,7 @@ use super::network::Network;
 use super::public_url::PublicUrl;
 use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
 use super::site::{check_accent, check_imprint, check_title, checked_views};
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! What an office sets of its pages: name, logo, colour, imprint and first views.
 
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use std::path::PathBuf;
 
 const MAX_TEXT_BYTES: usize = 512;

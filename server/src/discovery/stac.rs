@@ -4,7 +4,8 @@ use super::{CityFile, CityRecord, TILESET_FILE, geovolumes, licence_links, link,
 use chrono::{DateTime, SecondsFormat};
 use insula_archive::owned::FileMark;
 use insula_protocol::Manifest;
-use insula_protocol::manifest::{Attribution, to_name};
+use insula_protocol::manifest::Attribution;
+use insula_protocol::name::to_name;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -1,7 +1,7 @@
 //! Which part of a list a request wants: `?limit=` and `?after=`.
 
 use super::problem::Problem;
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use std::num::NonZeroUsize;
 
 /// Cities on a page, unless the request says otherwise.

@@ -11,7 +11,7 @@ use axum::extract::State;
 use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use insula_protocol::manifest::is_name;
+use insula_protocol::name::is_name;
 use insula_protocol::route;
 
 /// Longest path for which another one is looked for.
