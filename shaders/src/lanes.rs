@@ -15,10 +15,20 @@ macro_rules! always {
     ($($closure:tt)*) => { $crate::lanes::closure(#[inline(always)] $($closure)*) };
 }
 
-pub(crate) use always;
+/// The same of a closure that is called once, as one that may be called again is not: by a function in between, which is not inlined.
+macro_rules! once {
+    ($($closure:tt)*) => { $crate::lanes::closure_of_one_call(#[inline(always)] $($closure)*) };
+}
+
+pub(crate) use {always, once};
 
 #[inline(always)]
 pub(crate) fn closure<F>(closure: F) -> F {
+    closure
+}
+
+#[inline(always)]
+pub(crate) fn closure_of_one_call<R, F: FnOnce() -> R>(closure: F) -> F {
     closure
 }
 

@@ -4,7 +4,7 @@
 //! repeats and has the same lattice on all devices. Lengths are in cells of the lattice.
 
 use super::night::scramble;
-use crate::lanes::{F, LaneFloats, LaneMask, LaneWords, Lanes, M, OneLane, U, Vec3s, always};
+use crate::lanes::{F, LaneFloats, LaneMask, LaneWords, Lanes, M, OneLane, U, Vec3s, always, once};
 use glam::{Mat3, Vec3, Vec4};
 
 /// Factor by which [`perlin`] stays between -1 and 1: the largest sum of gradients, in the middle of a cell, is 1.5.
@@ -48,7 +48,7 @@ pub fn perlin(p: Vec3) -> Vec4 {
 /// The same.
 #[inline(always)]
 pub(super) fn noise_at<S: Lanes>(simd: S, p: Vec3s<S>) -> NoisePoint<S> {
-    simd.call(always!(|| noise_between(simd, p)))
+    simd.call(once!(|| noise_between(simd, p)))
 }
 
 #[inline(always)]

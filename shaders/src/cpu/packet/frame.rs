@@ -3,7 +3,7 @@
 //! Each pixel has a ray through its centre, or near it: [`cast_centres`]. With several rays a pixel, the others follow: of all pixels,
 //! or of those that differ from a neighbour: [`finish_rows`]. The rays of a packet are those of one pixel or of neighbours.
 
-use super::lanes::{F, Vec3s, always, splat_u};
+use super::lanes::{F, Vec3s, always, once, splat_u};
 use super::ray_packet::{FrameRay, PixelRows, RayPacket, blocks_of, in_blocks};
 use super::trace::TracedRays;
 use crate::cpu::instruction_set::InstructionSet;
@@ -258,7 +258,7 @@ fn for_each_centre<S: Simd, T>(
     let centre = samples * samples / 2;
     let rows = out.len() as u32 / width.max(1);
     for block in blocks_of(width, out.len(), F::<S>::LEN as u32) {
-        simd.vectorize(always!(|| {
+        simd.vectorize(once!(|| {
             let packet = RayPacket::of_block(simd, block, (first, [width, rows]), (samples, centre));
             let dir = packet.direction(simd, scene.frame, None);
             let air = airlight(simd, scene.frame, dir);
@@ -305,7 +305,7 @@ impl Band<'_> {
 
     /// Adds rays, which are in the order of their numbers for each pixel.
     fn add_rays<S: Simd>(&mut self, simd: S, rays: &[FrameRay], centre: u32) {
-        simd.vectorize(always!(|| {
+        simd.vectorize(once!(|| {
             let packet = RayPacket::new(simd, rays, self.samples);
             let mut air = Vec3s::splat(simd, Vec3::ZERO);
             for (lane, ray) in rays.iter().enumerate() {
@@ -343,7 +343,7 @@ impl Band<'_> {
         let lanes = F::<S>::LEN;
         let rays = (self.samples * self.samples) as f32;
         for (at, out) in (0..self.drawn.len()).step_by(lanes).zip(out.chunks_mut(lanes)) {
-            simd.vectorize(always!(|| {
+            simd.vectorize(once!(|| {
                 let mut words = splat_u(simd, 0);
                 if is_plain {
                     let mut rgb = Vec3s::splat(simd, Vec3::ZERO);

@@ -2,7 +2,7 @@
 
 use super::hits::{Hits, Segments};
 use super::lanes::{
-    F, FastExtremes, I, IVec2s, Lanes, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero,
+    F, FastExtremes, I, IVec2s, Lanes, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, once,
     splat, splat_i, splat_u, to_i, to_u,
 };
 use super::mesh::walk_meshes;
@@ -75,9 +75,9 @@ pub(super) fn walk_grid<S: Simd>(
         match scene.nodes.get(index as usize) {
             None => {}
             Some(node) if node.mesh != 0 => {
-                simd.vectorize(always!(|| walk_meshes(simd, scene, segments, (node, index), group, hits)))
+                simd.vectorize(once!(|| walk_meshes(simd, scene, segments, (node, index), group, hits)))
             }
-            Some(node) => simd.vectorize(always!(|| walk_node(
+            Some(node) => simd.vectorize(once!(|| walk_node(
                 simd,
                 scene,
                 segments,

@@ -2,7 +2,7 @@
 
 use crate::cpu::ray::MIN_DIRECTION;
 use crate::lanes::MAX_LANES;
-pub(super) use crate::lanes::{F, FastExtremes, I, Lanes, M, U, Vec2s, Vec3s, always};
+pub(super) use crate::lanes::{F, FastExtremes, I, Lanes, M, U, Vec2s, Vec3s, always, once};
 use crate::layout::PAGE_WORDS;
 use fearless_simd::prelude::*;
 

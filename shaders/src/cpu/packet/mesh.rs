@@ -3,7 +3,7 @@
 //! The packet visits a box if any of its rays meets it, the half first that the first of them enters first.
 
 use super::hits::{Hits, MeshHits, Segments, read_vec4};
-use super::lanes::{F, FastExtremes, M, Vec3s, always, lanes_of, nonzero, splat, splat_u};
+use super::lanes::{F, FastExtremes, M, Vec3s, always, lanes_of, nonzero, once, splat, splat_u};
 use super::mesh_surface::{MeshFacts, hit_triangles};
 use super::objects::ObjectWords;
 use super::pages::planes_at;
@@ -89,7 +89,7 @@ pub(super) fn walk_meshes<S: Simd>(
     };
     if found.any_true() {
         let facts = MeshFacts { node, index, planes, step_m, info };
-        simd.vectorize(always!(|| hit_triangles(simd, scene, segments, &facts, found, (&nearest, &objects), hits)));
+        simd.vectorize(once!(|| hit_triangles(simd, scene, segments, &facts, found, (&nearest, &objects), hits)));
     }
 }
 

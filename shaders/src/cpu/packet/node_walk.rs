@@ -6,8 +6,8 @@
 use super::column::{ColumnCrossing, hit_columns};
 use super::hits::{Hits, Segments};
 use super::lanes::{
-    F, FastExtremes, I, Lanes, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, splat,
-    splat_i, splat_u, to_u,
+    F, FastExtremes, I, Lanes, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, once,
+    splat, splat_i, splat_u, to_u,
 };
 use super::node_rays::{NodeRays, NodeWords};
 use crate::cpu::ray::SceneRef;
@@ -101,7 +101,7 @@ pub(super) fn walk_node<S: Simd>(
             seeking = rays.step_cells(seeking, &mut cells, &mut found);
         }
         if found.lanes.any_true() {
-            simd.vectorize(always!(|| hit_columns(scene, segments, &rays, &found, hits)));
+            simd.vectorize(once!(|| hit_columns(scene, segments, &rays, &found, hits)));
             lanes &= !hits.is_hit;
             cells.active &= lanes;
         }

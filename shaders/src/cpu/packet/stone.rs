@@ -44,7 +44,7 @@ pub(super) fn stones_of<S: Simd>(
 mod tests {
     use super::*;
     use crate::cpu::instruction_set::InstructionSet;
-    use crate::cpu::packet::lanes::{F, always};
+    use crate::cpu::packet::lanes::{F, once};
     use crate::cpu::stone::stone_surface;
     use crate::stone::PRESETS;
     use insula_test_support::rng::Rng;
@@ -76,7 +76,7 @@ mod tests {
                     // From less than a grain to more than a vein, also in the same packet.
                     footprint_m: lanes(simd, || 10f32.powf(between(-4.0, -3.0 + 3.0 * footprint))),
                 };
-                let found = simd.vectorize(always!(|| stone_surfaces(simd, stone, &points)));
+                let found = simd.vectorize(once!(|| stone_surfaces(simd, stone, &points)));
                 for lane in 0..F::<S>::LEN {
                     let normal = points.normal.lane(lane);
                     let (p_m, ao, footprint_m) = (points.p_m.lane(lane), points.ao[lane], points.footprint_m[lane]);

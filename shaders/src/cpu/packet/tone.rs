@@ -1,6 +1,6 @@
 //! Words of neighbouring pixels as colours, and the meter's counts of them. The scalar code is [`tone`](crate::tone).
 
-use super::lanes::{F, U, always, lane_numbers, splat, splat_u};
+use super::lanes::{F, U, lane_numbers, once, splat, splat_u};
 use crate::cpu::instruction_set::InstructionSet;
 use crate::tone::{DisplayTables, METER_BINS, MeterCounts, decode_radiances, dithered, meter_bins};
 use fearless_simd::prelude::*;
@@ -25,7 +25,7 @@ fn develop_with<S: Simd>(
     colours: &mut [u32],
 ) {
     let lanes = F::<S>::LEN;
-    simd.vectorize(always!(|| {
+    simd.vectorize(once!(|| {
         let (first_x, first_y) = (first as u32 % width, first as u32 / width);
         let mut at = PixelPlaces { simd, width, x: lane_numbers(simd) + first_x, y: splat_u(simd, first_y) };
         for (chunk, (words, colours)) in words.chunks(lanes).zip(colours.chunks_mut(lanes)).enumerate() {
@@ -94,7 +94,7 @@ const COUNTS_APART: usize = 4;
 
 fn count_with<S: Simd>(simd: S, words: &[u32]) -> MeterCounts {
     let mut counts = [[0; METER_BINS as usize]; COUNTS_APART];
-    simd.vectorize(always!(|| {
+    simd.vectorize(once!(|| {
         for words in words.chunks(F::<S>::LEN) {
             let bins = meter_bins(simd, decode_radiances::<S>(words_of(simd, words)));
             for lane in 0..words.len() {

@@ -3,7 +3,7 @@
 
 use super::grid_walk::walk_grid;
 use super::hits::{Hits, Segments};
-use super::lanes::{F, FastExtremes, M, U, Vec3s, always, lanes_of, splat, splat_u};
+use super::lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, once, splat, splat_u};
 use super::mesh::walk_meshes;
 use super::stone::stones_of;
 use crate::cpu::night::lamp_light;
@@ -87,11 +87,11 @@ pub(super) fn trace<S: Simd>(
 #[inline(always)]
 fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M<S>, hits: &mut Hits<S>) {
     if scene.frame.levels != 0 {
-        simd.vectorize(always!(|| walk_grid(simd, scene, segments, lanes, hits)));
+        simd.vectorize(once!(|| walk_grid(simd, scene, segments, lanes, hits)));
     }
     for (index, node) in scene.additions() {
         let open = if segments.to_sun { lanes & !hits.is_hit } else { lanes };
-        simd.vectorize(always!(|| walk_meshes(simd, scene, segments, (node, index), open, hits)));
+        simd.vectorize(once!(|| walk_meshes(simd, scene, segments, (node, index), open, hits)));
     }
 }
 
