@@ -64,7 +64,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// What `metadata.xml` tells of meshes.
+/// The coordinate system and origin of meshes, from `metadata.xml`.
 struct ModelMetadata {
     /// Name of a coordinate system.
     system: String,
@@ -102,7 +102,7 @@ impl ModelMetadata {
     }
 }
 
-/// What to tell of a mesh without a place that has one by `metadata.xml` in a system that is not understood.
+/// Warning about a mesh whose `metadata.xml` gives its place in an unsupported coordinate system.
 pub fn unread_place(source: &CitySource<'_>) -> Option<String> {
     let ModelMetadata { system, origin: [x, y, z] } = ModelMetadata::of(source)?;
     Some(format!(

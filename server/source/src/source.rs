@@ -13,7 +13,7 @@ use std::rc::Rc;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
 pub const PLACE_FILE: &str = ".place.json";
-/// Name of a file that places the mesh files in its folder and below, or tells of other files.
+/// Name of a file that may place the mesh files in its folder and below.
 pub const METADATA_FILE: &str = "metadata.xml";
 
 /// Progress of reading.

@@ -65,7 +65,7 @@ pub(super) fn a_proposal_is_shown_before_and_after() -> Result<()> {
     page.page.wait_for(&says("Tower: after"), REACTION)?;
     ensure!(page.picture(0, SIZE)? == after, "the city after is another one the second time");
 
-    // A click names what it adds, as in the window. What is not shown is not selected, and no link has its number.
+    // A click shows the name of an added model, as in the window. A hidden model is not selected, and links omit its number.
     let place = page.page.evaluate(FIND_ADDED)?;
     ensure!(place.is_array(), "nothing that is added is seen");
     page.page.click([0, 1].map(|k| place[k].as_f64().unwrap_or_default()), 1)?;

@@ -147,7 +147,7 @@ impl SkeletonRoof {
         (is_within && GABLE_RISE.contains(&(top.rise / end.rise))).then_some(Gable { ridge_end, top })
     }
 
-    /// Where the wall of a side crosses a line, of which `distance` tells how far a corner is from it.
+    /// Where the wall of a side crosses a line. `distance` gives the distance of a corner from the line.
     fn wall_crossing(&self, side: usize, distance: impl Fn(DVec2) -> f64) -> Option<DVec2> {
         let crossing = |pair: &[usize]| {
             let [a, b] = [self.points[pair[0]].at, self.points[pair[1]].at];

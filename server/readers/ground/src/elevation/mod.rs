@@ -56,7 +56,7 @@ const MAX_DOUBLINGS: u32 = 10;
 const HALVINGS: u32 = 5;
 /// Models further from a place tell nothing of it.
 const MAX_BEYOND_M: f64 = 5000.0;
-/// What to tell of a picture that is black at a corner.
+/// Warning about a picture that is black at a corner.
 const BLACK_CORNER: &str =
     "a corner of the picture is black, which is drawn; if it marks missing pixels, gdal_translate -a_nodata 0 tells so";
 /// Larger files beside a raster are no world files or coordinate systems.

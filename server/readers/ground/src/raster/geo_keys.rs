@@ -137,7 +137,7 @@ impl GeoKeys {
         }
     }
 
-    /// What to tell of a unit of heights that is not known.
+    /// Warning about an unknown unit of heights.
     fn odd_height_unit(&self) -> Option<String> {
         let code =
             self.number(VERTICAL_UNITS_KEY).filter(|code| *code > 0 && metres_of(&code.to_string()).is_none())?;
