@@ -280,7 +280,7 @@ fn a_full_disk_is_an_error() -> Result<()> {
         let what = format!("files of at most {kilobytes} KiB");
         let line = fails(&what, &output)?;
         ensure!(line.contains("disk"), "{what}: {line}");
-        let is_kept = bench.path("city.partial/state.json").exists();
+        let is_kept = bench.path("city.partial/packs").exists();
         ensure!(line.contains("--resume") == is_kept, "{what}: {line}");
         ensure!(is_kept || !bench.path("city.partial").exists(), "{what}: an empty scratch folder is left");
         ensure!(!bench.path("city").exists(), "{what}: an incomplete city is left");

@@ -205,8 +205,7 @@ mod tests {
         assert!(matches!(full, BakeError::DiskFull { .. }));
         assert!(full.to_string().ends_with("the same command again"), "{full}");
         let folder = TestFolder::new("disk-full");
-        fs::create_dir(folder.path.join("b.partial")).unwrap();
-        fs::write(folder.path.join("b.partial/state.json"), "{}").unwrap();
+        fs::create_dir_all(folder.path.join("b.partial/packs")).unwrap();
         let full = full.of_bake(&folder.path.join("b"));
         assert!(full.to_string().ends_with("--resume"), "{full}");
         let other = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::PermissionDenied.into());

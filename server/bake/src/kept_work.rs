@@ -3,8 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Name of the file in the scratch folder that says what its packs are made from. Without it they are not reused.
-pub(crate) const STATE_FILE: &str = "state.json";
+/// Folder of finished blocks in the scratch folder.
+pub(crate) const PACKS_FOLDER: &str = "packs";
 
 /// The scratch folder of the bake of `out`: `CITY.partial`.
 #[must_use]
@@ -17,5 +17,5 @@ pub fn scratch_folder(out: &Path) -> PathBuf {
 /// Whether a bake of `out` that resumes may find finished work.
 #[must_use]
 pub fn has_kept_work(out: &Path) -> bool {
-    scratch_folder(out).join(STATE_FILE).exists()
+    scratch_folder(out).join(PACKS_FOLDER).exists()
 }

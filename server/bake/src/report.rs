@@ -156,7 +156,7 @@ pub(crate) enum PackOutcome {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct PackCounts {
     baked: u64,
-    resumed: u64,
+    pub(crate) resumed: u64,
     unchanged: u64,
 }
 

@@ -274,8 +274,7 @@ mod tests {
         assert!(text.starts_with("interrupted in stage sample at 37%: nothing is finished yet, so "), "{text}");
         assert!(!text.contains("--resume"), "{text}");
         let partial = folder.path().join("my city.partial");
-        fs::create_dir(&partial).unwrap();
-        fs::write(partial.join("state.json"), "{}").unwrap();
+        fs::create_dir_all(partial.join("packs")).unwrap();
         let text = interrupted(&stage, &out, &line);
         let path = folder.path().display();
         assert!(

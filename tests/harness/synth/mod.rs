@@ -23,8 +23,6 @@ use insula_protocol::{Manifest, NODE_CELLS, TileId};
 use plan::Plan;
 use std::path::Path;
 
-/// To be changed whenever the same number of buildings gives another city.
-const RULE: &str = "synth 1";
 pub const MAX_HEIGHT_M: f64 = 190.0;
 
 /// A plan and its quadtree.
@@ -53,7 +51,6 @@ impl City {
         let totals = self.plan.totals();
         let generated = GeneratedCity {
             grid: self.grid,
-            rule: format!("{RULE}, {} buildings", totals.buildings),
             bounds: [low.extend(0.0).into(), high.extend(MAX_HEIGHT_M).into()],
             ground_z_m: 0.0,
             objects: totals.buildings,

@@ -1,16 +1,17 @@
 //! What the stages that bake tiles share.
 
+use super::pack_inputs::PackInputs;
 use super::update::PreviousCity;
 use crate::columns::parametrise::parametrise;
 use crate::columns::voxels::VoxelNode;
 use crate::config::BakeConfig;
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use crate::progress::Progress;
 use crate::report::{PackCounts, PackOutcome};
 use crate::scene::grid::CityGrid;
 use crate::write::mesh_pack::StoredMesh;
-use crate::write::scratch_folder::ResumeStatus;
-use crate::write::tile_pack::{self, EncodedTile, PackId, StoredTile};
+use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
 use crate::write::tile_tree::{TileTree, round_outward, z_bounds};
 use insula_protocol::BlockMap;
 use insula_protocol::subtree::NodeDeviation;
@@ -21,24 +22,20 @@ use std::path::Path;
 pub(super) struct TileContext<'a> {
     pub(super) config: &'a BakeConfig,
     pub(super) grid: &'a CityGrid,
+    /// The folder of finished packs. Those of an interrupted bake that were made from the same input are not baked again.
     pub(super) packs: &'a Path,
     pub(super) progress: &'a dyn Progress,
-    pub(super) resume: ResumeStatus,
     /// The city to update.
     pub(super) previous: Option<&'a PreviousCity>,
     /// Height of the plane above the grid's height zero, if generated ground ends at it.
     pub(super) plane_m: Option<f32>,
 }
 
-impl TileContext<'_> {
-    /// The tiles of a pack that an interrupted bake finished.
-    pub(super) fn find_resumed(&self, pack: PackId) -> Option<Vec<StoredTile>> {
-        if self.resume == ResumeStatus::Resumed { tile_pack::find(self.packs, pack) } else { None }
-    }
-}
-
 /// A baked, resumed or reused pack.
 pub(super) struct FinishedPack {
+    pub(super) id: PackId,
+    /// Hash of what it is made from, if that is known.
+    pub(super) input: Option<ShortHash>,
     pub(super) tiles: Vec<StoredTile>,
     /// Empty for parents.
     pub(super) meshes: Vec<StoredMesh>,
@@ -48,18 +45,23 @@ pub(super) struct FinishedPack {
 /// The tiles of all levels that are finished, and how they were obtained.
 pub(super) struct FinishedTiles {
     pub(super) tree: TileTree,
+    pub(super) inputs: PackInputs,
     pub(super) counts: PackCounts,
 }
 
 impl FinishedTiles {
-    pub(super) fn new(depth: u8) -> Self {
-        Self { tree: TileTree::new(depth), counts: PackCounts::default() }
+    pub(super) fn new(context: &TileContext<'_>) -> Self {
+        let (tree, inputs) = (TileTree::new(context.grid.depth), PackInputs::new(context.plane_m));
+        Self { tree, inputs, counts: PackCounts::default() }
     }
 
     pub(super) fn add_level(&mut self, level: u8, packs: Vec<FinishedPack>) {
         let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
         for pack in packs {
             self.counts.add(pack.outcome);
+            if let Some(input) = pack.input {
+                self.inputs.set(pack.id, input);
+            }
             tiles.extend(pack.tiles);
             meshes.extend(pack.meshes);
         }

@@ -7,6 +7,7 @@
 use super::leaves::encode_leaves;
 use crate::config::BakeConfig;
 use crate::error::BakeError;
+use crate::hash::{ShortHash, short_hash};
 use crate::read::{FarModels, LandSquare};
 use crate::sample::SampleSettings;
 use crate::scene::grid::CityGrid;
@@ -77,6 +78,16 @@ impl<'a> FarLand<'a> {
     /// Whether a node is land.
     pub(super) fn contains(&self, id: TileId) -> bool {
         self.nodes(id.level()).binary_search(&id).is_ok()
+    }
+
+    /// Hash of what its nodes are made from, besides their places.
+    pub(super) fn input(&self, config: &BakeConfig, grid: &CityGrid) -> ShortHash {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(config.settings.as_bytes()).update(&self.surroundings.hash).update(&[grid.depth]);
+        for number in self.origin.into_iter().chain(grid.corner).chain([grid.cell_m]) {
+            hasher.update(&number.to_bits().to_le_bytes());
+        }
+        short_hash(&hasher.finalize())
     }
 
     fn divide(&mut self, grid: &CityGrid, id: TileId, of_city: &HashSet<TileId>, last: u8) {

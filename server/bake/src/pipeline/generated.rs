@@ -13,7 +13,7 @@ use crate::progress::Progress;
 use crate::read::ReadReport;
 use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
 use crate::write::city::{self, CityInput, SceneFacts};
-use crate::write::scratch_folder::{InputHashes, ScratchFolder};
+use crate::write::scratch_folder::ScratchFolder;
 use crate::write::tile_bytes::PackedTiles;
 use crate::write::tile_pack::{self, PackId, PackNodes, StoredTile};
 use crate::write::tile_tree::TileTree;
@@ -28,8 +28,6 @@ type NodeGenerator<'a> = &'a (dyn Fn(TileId) -> Option<VoxelNode> + Sync);
 pub struct GeneratedCity {
     /// Position of the nodes. Scene and world coordinates are the same.
     pub grid: CityGrid,
-    /// Identifies the rule in the state of the scratch folder.
-    pub rule: String,
     /// World bounds, `[min, max]`, in metres.
     pub bounds: [[f64; 3]; 2],
     /// World height of the surrounding plane.
@@ -52,8 +50,8 @@ pub fn bake_generated(
     progress: &dyn Progress,
 ) -> Result<Manifest, BakeError> {
     let config = BakeConfig::new(options)?;
-    let mut scratch = ScratchFolder::lock(&config.options.out)?;
-    scratch.prepare(&InputHashes { settings: config.settings.clone(), scene: generated.rule.clone() }, false)?;
+    let scratch = ScratchFolder::lock(&config.options.out)?;
+    scratch.prepare(false)?;
     let packs = scratch.packs();
     let grid = &generated.grid;
     let depth = grid.depth;
@@ -128,6 +126,8 @@ impl PackBaker<'_> {
                 None => return Err(BakeError::Scratch { path: self.packs.to_owned() }),
             }
         }
-        if tiles.is_empty() { Ok(Vec::new()) } else { tile_pack::write(self.packs, group.pack, &tiles) }
+        // No bake continues it, so nothing says what the pack is made from.
+        let input = Default::default();
+        if tiles.is_empty() { Ok(Vec::new()) } else { tile_pack::write(self.packs, group.pack, input, &tiles) }
     }
 }

@@ -4,7 +4,7 @@ use super::block_scene::{BlockScene, worst_memory_bytes};
 use super::work_queue::{MemoryBudget, run_bounded};
 use crate::config::BakeConfig;
 use crate::error::BakeError;
-use crate::hash::{ShortHash, short_hex};
+use crate::hash::ShortHash;
 use crate::read::{ALIGNED_LEAVES, FarModels};
 use crate::scene::grid::CityGrid;
 use crate::scene::partition::{BlockSquare, LeafBlock, Partition, PartitionOptions};
@@ -115,17 +115,5 @@ impl HashedPartition {
         let blocks: HashSet<(u32, u32)> =
             merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
         self.fingerprints().into_iter().filter(|(place, _)| !blocks.contains(place)).collect()
-    }
-
-    /// Hash of everything that determines the tiles.
-    pub(super) fn scene_hash(&self, surroundings: Option<&FarModels>) -> String {
-        let mut hasher = blake3::Hasher::new();
-        if let Some(land) = surroundings {
-            hasher.update(&land.hash);
-        }
-        for ((x, y), fingerprint) in self.fingerprints() {
-            hasher.update(&x.to_le_bytes()).update(&y.to_le_bytes()).update(&fingerprint);
-        }
-        short_hex(&hasher.finalize())
     }
 }

@@ -73,29 +73,33 @@ impl LeafBaker<'_> {
             Some(BlockTiles { tiles: previous.leaves(&leaves)?, meshes: previous.meshes(&leaves)? })
         });
         let is_unchanged = reused.is_some();
-        let mut finished = if let Some((tiles, meshes)) = self.find_resumed(pack) {
-            FinishedPack { tiles, meshes, outcome: PackOutcome::Resumed }
+        let (mut tiles, meshes, outcome) = if let Some((tiles, meshes)) = self.find(pack, fingerprint) {
+            (tiles, meshes, PackOutcome::Resumed)
         } else {
             let (outcome, block) = match reused {
                 Some(reused) => (PackOutcome::Unchanged, reused),
                 None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
             };
             // Written before the tiles: a resumed bake that finds the tiles also finds the meshes.
-            let meshes = if config.options.meshes { mesh_pack::write(packs, pack, &block.meshes)? } else { Vec::new() };
-            FinishedPack { tiles: tile_pack::write(packs, pack, &block.tiles)?, meshes, outcome }
+            let meshes = match config.options.meshes {
+                true => mesh_pack::write(packs, pack, fingerprint, &block.meshes)?,
+                false => Vec::new(),
+            };
+            (tile_pack::write(packs, pack, fingerprint, &block.tiles)?, meshes, outcome)
         };
-        finished.tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
-        match finished.outcome {
+        tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
+        match outcome {
             PackOutcome::Baked => progress.advance(leaves.len() as u64),
             PackOutcome::Resumed | PackOutcome::Unchanged => progress.skip(leaves.len() as u64),
         }
-        Ok(finished)
+        Ok(FinishedPack { id: pack, input: Some(fingerprint), tiles, meshes, outcome })
     }
 
-    fn find_resumed(&self, pack: PackId) -> Option<(Vec<StoredTile>, Vec<StoredMesh>)> {
+    /// What an interrupted bake made from the same input.
+    fn find(&self, pack: PackId, input: ShortHash) -> Option<(Vec<StoredTile>, Vec<StoredMesh>)> {
         let TileContext { config, packs, .. } = *self.context;
-        let tiles = self.context.find_resumed(pack)?;
-        let meshes = if config.options.meshes { mesh_pack::find(packs, pack)? } else { Vec::new() };
+        let tiles = tile_pack::find(packs, pack, input)?;
+        let meshes = if config.options.meshes { mesh_pack::find(packs, pack, input)? } else { Vec::new() };
         Some((tiles, meshes))
     }
 

@@ -9,6 +9,7 @@ mod far_land;
 mod generated;
 mod hashed;
 mod leaves;
+mod pack_inputs;
 mod parents;
 mod steps;
 mod update;
@@ -31,7 +32,7 @@ use crate::scene::scratch_scene::ScratchScene;
 use crate::write::city::{self, CityInput, SceneFacts, WrittenCity};
 use crate::write::objects::NumberedRecords;
 use crate::write::ownership::{check_inputs, check_place};
-use crate::write::scratch_folder::{InputHashes, ScratchFolder};
+use crate::write::scratch_folder::ScratchFolder;
 use crate::write::tile_bytes::PackedTiles;
 use context::{FinishedTiles, TileContext};
 use far_land::FarLand;
@@ -158,14 +159,13 @@ impl<'a> BakeRun<'a> {
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
-        let resume = self.prepare_scratch(&partition, surroundings)?;
+        let mut start = self.prepare_scratch()?;
         let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let previous_city = previous.as_ref();
-        let context =
-            TileContext { config, grid: &grid, packs: &packs, progress, resume, previous: previous_city, plane_m };
-        let mut tiles = FinishedTiles::new(grid.depth);
+        let context = TileContext { config, grid: &grid, packs: &packs, progress, previous: previous_city, plane_m };
+        let mut tiles = FinishedTiles::new(&context);
         let origin = city.origin;
         self.bake_leaves(&context, city, &partition, &mut tiles)?;
         let land = surroundings.map(|land| FarLand::new(land, origin, &grid, tiles.tree.level(grid.depth)));
@@ -181,7 +181,9 @@ impl<'a> BakeRun<'a> {
         let WrittenCity { manifest, bytes: city_bytes, filled_in } = written;
         let (threads, blocks) = (config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
-        let start = resume;
+        if tiles.counts.resumed > 0 {
+            start = ResumeStatus::Resumed;
+        }
         Ok(BakeReport::new(
             ReportInput { manifest, city_bytes, read, filled_in, ground, grid, threads, start, blocks, meshes },
             clock,
@@ -232,24 +234,14 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Keeps or removes the packs of an interrupted bake, and logs which.
-    fn prepare_scratch(
-        &mut self,
-        partition: &HashedPartition,
-        surroundings: Option<&FarModels>,
-    ) -> Result<ResumeStatus, BakeError> {
-        let scene = partition.scene_hash(surroundings);
-        let input = InputHashes { settings: self.config.settings.clone(), scene };
-        let status = self.scratch.prepare(&input, self.config.options.resume)?;
+    fn prepare_scratch(&self) -> Result<ResumeStatus, BakeError> {
+        let resume = self.config.options.resume;
+        let status = self.scratch.prepare(resume)?;
         let out = self.config.options.out.display();
         match status {
-            ResumeStatus::Fresh if self.config.options.resume => {
-                tracing::info!("{out}: no interrupted bake found, starting a new one");
-            }
+            ResumeStatus::Fresh if resume => tracing::info!("{out}: no interrupted bake found, starting a new one"),
             ResumeStatus::Fresh => {}
-            ResumeStatus::Resumed => tracing::info!("{out}: resuming the interrupted bake"),
-            ResumeStatus::Mismatch => {
-                tracing::warn!("{out}: the interrupted bake had different input or settings, starting a new one");
-            }
+            ResumeStatus::Resumed | ResumeStatus::Mismatch => tracing::info!("{out}: resuming the interrupted bake"),
             ResumeStatus::Discarded => {
                 tracing::info!("{out}: removed an interrupted bake; --resume would have continued it");
             }
@@ -283,7 +275,7 @@ impl<'a> BakeRun<'a> {
         tiles: &mut FinishedTiles,
     ) -> Result<(), BakeError> {
         for level in (0..context.grid.depth).rev() {
-            let bake = || parents::bake_level(context, &self.pool, &tiles.tree, land, level);
+            let bake = || parents::bake_level(context, &self.pool, tiles, land, level);
             let packs = self.clock.time(&format!("level {level}"), bake)?;
             tiles.add_level(level, packs);
         }

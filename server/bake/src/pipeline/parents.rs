@@ -1,6 +1,6 @@
 //! Bakes parents from their four children, level by level towards the root.
 
-use super::context::{FinishedPack, NodeMeasures, TileContext, encode_node};
+use super::context::{FinishedPack, FinishedTiles, NodeMeasures, TileContext, encode_node};
 use super::far_land::FarLand;
 use super::update::PreviousCity;
 use super::work_queue::run_bounded;
@@ -16,36 +16,43 @@ use insula_protocol::{BlockMap, TileId};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-/// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores.
+/// Bakes all nodes of a level from the finished tiles of the level below: averages, parametrises, encodes and stores.
 /// Nodes of the land around the city are made from its elevation models. Fails with the first error of a node.
 pub(super) fn bake_level(
     context: &TileContext<'_>,
     pool: &ThreadPool,
-    tree: &TileTree,
+    finished: &FinishedTiles,
     land: Option<&FarLand<'_>>,
     level: u8,
 ) -> Result<Vec<FinishedPack>, BakeError> {
-    let mut nodes = tree.parents_of(level + 1);
+    let mut nodes = finished.tree.parents_of(level + 1);
     nodes.extend(land.into_iter().flat_map(|land| land.nodes(level)));
     let packs = PackNodes::group(nodes);
     context.progress.stage(&format!("level {level}"), packs.iter().map(|pack| pack.nodes.len() as u64).sum());
-    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, tree, land, pack)))
+    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, finished, land, pack)))
 }
 
 /// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from
 /// the city to update.
 fn bake_pack(
     context: &TileContext<'_>,
-    tree: &TileTree,
+    FinishedTiles { tree, inputs, .. }: &FinishedTiles,
     land: Option<&FarLand<'_>>,
     pack: &PackNodes,
 ) -> Result<FinishedPack, BakeError> {
-    if let Some(tiles) = context.find_resumed(pack.pack) {
+    let land_of = |id: TileId| land.filter(|land| land.contains(id));
+    let input_of = |id: TileId| match land_of(id) {
+        Some(land) => Some(land.input(context.config, context.grid)),
+        None => inputs.of_parent(id),
+    };
+    let (id, meshes) = (pack.pack, Vec::new());
+    let input = inputs.of_parents(pack.nodes.iter().map(|id| (*id, input_of(*id))));
+    if let Some(tiles) = input.and_then(|input| tile_pack::find(context.packs, id, input)) {
         context.progress.skip(pack.nodes.len() as u64);
-        return Ok(FinishedPack { tiles, meshes: Vec::new(), outcome: PackOutcome::Resumed });
+        return Ok(FinishedPack { id, input, tiles, meshes, outcome: PackOutcome::Resumed });
     }
     let baked = pack.nodes.par_iter().map(|id| {
-        if let Some(land) = land.filter(|land| land.contains(*id)) {
+        if let Some(land) = land_of(*id) {
             let tile = land.bake(context.config, context.grid, *id)?;
             context.progress.advance(1);
             return Ok(tile.map(|tile| (tile, false)));
@@ -70,11 +77,12 @@ fn bake_pack(
     });
     let baked: Vec<Option<(EncodedTile, bool)>> = baked.collect::<Result<_, _>>()?;
     let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.into_iter().flatten().unzip();
-    let mut tiles = tile_pack::write(context.packs, pack.pack, &tiles)?;
+    // Without a known input, it is never looked for.
+    let mut tiles = tile_pack::write(context.packs, id, input.unwrap_or_default(), &tiles)?;
     tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
     let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);
     let outcome = if all_unchanged { PackOutcome::Unchanged } else { PackOutcome::Baked };
-    Ok(FinishedPack { tiles, meshes: Vec::new(), outcome })
+    Ok(FinishedPack { id, input, tiles, meshes, outcome })
 }
 
 /// Whether the node has the same children as in the previous city, all of them unchanged.

@@ -1,6 +1,7 @@
 //! Files that are written under a temporary name and renamed, so that they exist completely or not at all.
 
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use insula_protocol::codec::bincode;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -18,8 +19,13 @@ pub(crate) fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), BakeError> {
     })
 }
 
-/// Writes a pack without synchronising: [`read_pack`] detects a file that a power failure cut short. `bytes` begin with a
-/// magic number, then come what `entries` have the places of, the entries in bincode, their length in 8 bytes, and a BLAKE3
+/// The first bytes of a pack: what it is, and the hash of what its content is made from.
+pub(super) fn pack_head(magic: [u8; 4], input: ShortHash) -> Vec<u8> {
+    [magic.as_slice(), input.as_slice()].concat()
+}
+
+/// Writes a pack without synchronising: [`read_pack`] detects a file that a power failure cut short. `bytes` begin with
+/// [`pack_head`], then come what `entries` have the places of, the entries in bincode, their length in 8 bytes, and a BLAKE3
 /// hash of everything before. Fails if the file cannot be written.
 pub(super) fn write_pack<T: Serialize>(path: &Path, mut bytes: Vec<u8>, entries: &[T]) -> Result<(), BakeError> {
     let list = bincode::to_bytes(&entries).map_err(|_| BakeError::Scratch { path: path.to_owned() })?;
@@ -29,12 +35,11 @@ pub(super) fn write_pack<T: Serialize>(path: &Path, mut bytes: Vec<u8>, entries:
     write_renamed(path, |file| file.write_all(&bytes))
 }
 
-/// The entries given to [`write_pack`]; `None` if there is no such file, its hash is wrong, or it does not begin with
-/// `magic`.
-pub(super) fn read_pack<T: DeserializeOwned>(path: &Path, magic: [u8; 4]) -> Option<Vec<T>> {
+/// The entries given to [`write_pack`]; `None` if there is no such file, it does not begin with `head`, or its hash is wrong.
+pub(super) fn read_pack<T: DeserializeOwned>(path: &Path, head: &[u8]) -> Option<Vec<T>> {
     let bytes = fs::read(path).ok()?;
     let (body, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
-    if blake3::hash(body) != *hash || !body.starts_with(&magic) {
+    if !body.starts_with(head) || blake3::hash(body) != *hash {
         return None;
     }
     let (body, length) = body.split_last_chunk::<8>()?;

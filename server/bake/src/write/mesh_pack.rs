@@ -1,8 +1,9 @@
-//! The finished meshes of a block's leaves in one scratch file: their bytes, then a list.
+//! The finished meshes of a block's leaves in one scratch file: the hash of what they are made from, their bytes, then a list.
 
-use super::files::{read_pack, write_pack};
+use super::files::{pack_head, read_pack, write_pack};
 use super::tile_pack::PackId;
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use crate::mesh::EncodedLod;
 use insula_protocol::TileId;
 use insula_protocol::subtree::MeshLod;
@@ -35,9 +36,14 @@ fn pack_path(folder: &Path, pack: PackId) -> PathBuf {
     folder.join(format!("m-{}-{}-{}.pack", pack.level, pack.x, pack.y))
 }
 
-/// Writes a pack into `folder`. Fails if the file cannot be written.
-pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<Vec<StoredMesh>, BakeError> {
-    let (mut all, mut stored) = (MAGIC.to_vec(), Vec::new());
+/// Writes a pack into `folder`. `input` is the hash of what the meshes are made from. Fails if the file cannot be written.
+pub(crate) fn write(
+    folder: &Path,
+    pack: PackId,
+    input: ShortHash,
+    leaves: &[LeafMesh],
+) -> Result<Vec<StoredMesh>, BakeError> {
+    let (mut all, mut stored) = (pack_head(MAGIC, input), Vec::new());
     for LeafMesh { id, lods } in leaves {
         for (lod, EncodedLod { info, bytes }) in (0u8..).zip(lods) {
             stored.push(StoredMesh { id: *id, lod, info: *info, offset: all.len() as u64 });
@@ -48,9 +54,9 @@ pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<
     Ok(stored)
 }
 
-/// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
-pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredMesh>> {
-    read_pack(&pack_path(folder, pack), MAGIC)
+/// The content of a pack that an interrupted run made from the same input; `None` if there is none or it is damaged.
+pub(crate) fn find(folder: &Path, pack: PackId, input: ShortHash) -> Option<Vec<StoredMesh>> {
+    read_pack(&pack_path(folder, pack), &pack_head(MAGIC, input))
 }
 
 /// The bytes of a mesh tile. Fails if the pack cannot be read.
@@ -68,6 +74,8 @@ mod tests {
     use super::*;
     use insula_test_support::folder::TestFolder;
 
+    const INPUT: ShortHash = [7; 16];
+
     #[test]
     fn pack_round_trips_and_damage_is_detected() {
         let folder = TestFolder::new("mesh-pack");
@@ -83,13 +91,14 @@ mod tests {
             leaf(id(9, 9), vec![lod(0.5, 9)]),
         ];
         let pack = PackId::of(id(8, 8));
-        assert_eq!(find(&folder.path, pack), None);
-        let stored = write(&folder.path, pack, &leaves).unwrap();
+        assert_eq!(find(&folder.path, pack, INPUT), None);
+        let stored = write(&folder.path, pack, INPUT, &leaves).unwrap();
         assert_eq!(
             stored.iter().map(|mesh| (mesh.id, mesh.lod)).collect::<Vec<_>>(),
             [(id(8, 8), 0), (id(8, 8), 1), (id(9, 9), 0)]
         );
-        assert_eq!(find(&folder.path, pack).unwrap(), stored);
+        assert_eq!(find(&folder.path, pack, INPUT).unwrap(), stored);
+        assert_eq!(find(&folder.path, pack, [8; 16]), None, "made from something else");
         for mesh in &stored {
             assert_eq!(read(&folder.path, mesh).unwrap(), vec![mesh.info.bytes as u8; mesh.info.bytes as usize]);
         }
@@ -99,9 +108,9 @@ mod tests {
             let mut bad = good.clone();
             bad[at] ^= 1;
             fs::write(&path, bad).unwrap();
-            assert_eq!(find(&folder.path, pack), None, "flipped {at}");
+            assert_eq!(find(&folder.path, pack, INPUT), None, "flipped {at}");
             fs::write(&path, &good[..at]).unwrap();
-            assert_eq!(find(&folder.path, pack), None, "cut to {at}");
+            assert_eq!(find(&folder.path, pack, INPUT), None, "cut to {at}");
         }
     }
 }

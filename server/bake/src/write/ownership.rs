@@ -66,6 +66,7 @@ fn in_buckets(name: &str, kind: fs::FileType) -> bool {
 
 fn in_scratch(name: &str, kind: fs::FileType) -> bool {
     let is_folder = matches!(name, "packs" | "spool" | "city" | "replaced");
+    // Earlier versions of the program kept a state.
     let is_file = matches!(name, MARKER_FILE | "lock" | "state.json" | "state.tmp");
     if kind.is_dir() { is_folder } else { kind.is_file() && is_file }
 }
@@ -224,14 +225,12 @@ pub(super) fn remove_scratch(root: &Path) -> Result<(), BakeError> {
         return Err(refuse(&unknown, "is not unfinished work of a bake, so its folder stays"));
     }
     check_scratch(root)?;
-    // The state first: whoever resumes after an interrupted removal takes it as a promise of packs.
-    remove_file(&root.join("state.json"))?;
     remove_city(&root.join("replaced"))?;
     for folder in ["packs", "spool", "city"] {
         remove_folder(&root.join(folder))?;
     }
     // The marker last: a removal that is interrupted can be repeated.
-    for file in ["state.tmp", "lock", MARKER_FILE] {
+    for file in ["state.json", "state.tmp", "lock", MARKER_FILE] {
         remove_file(&root.join(file))?;
     }
     fs::remove_dir(root).map_err(|cause| BakeError::io(root, "removed", cause))

@@ -3,29 +3,22 @@
 //! ```text
 //! CITY.partial/insula-bake-scratch  marks the folder as a bake's; without it, nothing is reused or removed
 //!              lock        locked while a bake runs; the system releases it however the bake ends
-//!              state.json  hashes of the input of the packs
-//!              packs/      finished blocks
+//!              packs/      finished blocks, each with the hash of what it is made from
 //!              spool/      the scratch scene and the partition's buckets; rewritten by every run
 //!              city/       the final files, renamed to CITY when complete
 //!              replaced/   the previous city, between the two renames
 //! ```
 
-use super::files::{remove_file, remove_folder, sync_folder, write_synced};
+use super::files::{remove_folder, sync_folder};
 use super::ownership::{check_mount, check_out, check_scratch, claim_scratch, remove_city, remove_scratch};
+use super::tile_pack;
 use crate::error::BakeError;
-use crate::kept_work::{STATE_FILE, scratch_folder};
+use crate::kept_work::{PACKS_FOLDER, has_kept_work, scratch_folder};
 use insula_archive::places::has_manifest;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// Hashes of the input of the packs. Packs are reused only if both are equal.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct InputHashes {
-    pub(crate) settings: String,
-    pub(crate) scene: String,
-}
 
 /// What became of an interrupted bake's work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -35,7 +28,7 @@ pub enum ResumeStatus {
     Fresh,
     /// It was removed, because `--resume` was not given.
     Discarded,
-    /// It was removed, because its input or settings were different.
+    /// Nothing of it was of use, because its input or settings were different.
     Mismatch,
     /// It is continued.
     Resumed,
@@ -82,25 +75,20 @@ impl ScratchFolder {
         Ok(Self { root, out: out.to_owned(), lock: Some(lock), scene_folder_created })
     }
 
-    /// Keeps the packs of an interrupted bake if `resume` is set and its input was the same, else removes them. Fails
-    /// if the folder cannot be read or written.
-    pub(crate) fn prepare(&mut self, input: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
-        let state = self.root.join(STATE_FILE);
-        let found: Option<InputHashes> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        let status = match found {
-            Some(found) if resume && found == *input => ResumeStatus::Resumed,
-            Some(_) if resume => ResumeStatus::Mismatch,
-            Some(_) => ResumeStatus::Discarded,
-            None => ResumeStatus::Fresh,
+    /// Keeps the packs of an interrupted bake if `resume` is set, else removes them. While none of them is found to be of the same input,
+    /// they are a mismatch. Fails if the folder cannot be read or written.
+    pub(crate) fn prepare(&self, resume: bool) -> Result<ResumeStatus, BakeError> {
+        let packs = self.packs();
+        let status = match fs::read_dir(&packs) {
+            Err(_) => ResumeStatus::Fresh,
+            Ok(_) if !resume => ResumeStatus::Discarded,
+            Ok(_) if tile_pack::has_any(&packs) => ResumeStatus::Mismatch,
+            Ok(_) => ResumeStatus::Resumed,
         };
-        if status != ResumeStatus::Resumed {
-            remove_file(&state)?;
-            remove_folder(&self.packs())?;
-            let json = serde_json::to_vec(input).map_err(|cause| BakeError::io(&state, "written", cause.into()))?;
-            write_synced(&state, &json)?;
+        if !resume {
+            remove_folder(&packs)?;
         }
-        // A bake of an earlier version that was killed while it removed its work may have left the state alone.
-        fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "created", cause))?;
+        fs::create_dir_all(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
         remove_city(&self.root.join("replaced"))?;
         remove_folder(&self.city())?;
         Ok(status)
@@ -117,7 +105,7 @@ impl ScratchFolder {
     }
 
     pub(crate) fn packs(&self) -> PathBuf {
-        self.root.join("packs")
+        self.root.join(PACKS_FOLDER)
     }
 
     /// The folder of the final files.
@@ -167,7 +155,7 @@ impl Drop for ScratchFolder {
         if check_scratch(&self.root).is_ok() {
             let _ = remove_folder(&self.root.join("spool"));
         }
-        if !self.root.join(STATE_FILE).exists() {
+        if !has_kept_work(&self.out) {
             let _ = remove_scratch(&self.root);
         }
     }
@@ -179,40 +167,27 @@ mod tests {
     use insula_protocol::manifest::{FORMAT_VERSION, Manifest};
     use insula_test_support::folder::{TestFolder, tree};
 
-    fn input(scene: &str) -> InputHashes {
-        InputHashes { settings: "s".into(), scene: scene.into() }
-    }
-
-    fn start(out: &Path, scene: &str, resume: bool) -> ResumeStatus {
-        let mut scratch = ScratchFolder::lock(out).unwrap();
-        let start = scratch.prepare(&input(scene), resume).unwrap();
-        fs::write(scratch.packs().join("1-0-0.pack"), scene).unwrap();
+    /// Begins a bake, and ends it after its first block.
+    fn start(out: &Path, resume: bool) -> ResumeStatus {
+        let scratch = ScratchFolder::lock(out).unwrap();
+        let start = scratch.prepare(resume).unwrap();
+        fs::write(scratch.packs().join("1-0-0.pack"), "a").unwrap();
         start
     }
 
     #[test]
-    fn a_state_without_packs_is_resumed() {
-        let folder = TestFolder::new("scratch-state");
-        let out = folder.path.join("city");
-        assert_eq!(start(&out, "a", false), ResumeStatus::Fresh);
-        fs::remove_dir_all(scratch_folder(&out).join("packs")).unwrap();
-        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
-    }
-
-    #[test]
-    fn packs_are_kept_only_with_resume_and_equal_input() {
+    fn packs_are_kept_only_with_resume() {
         let folder = TestFolder::new("scratch");
         let out = folder.path.join("city");
         let packs = folder.path.join("city.partial/packs");
-        assert_eq!(start(&out, "a", true), ResumeStatus::Fresh);
-        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
-        let mut scratch = ScratchFolder::lock(&out).unwrap();
-        assert_eq!(scratch.prepare(&input("b"), true).unwrap(), ResumeStatus::Mismatch);
+        assert_eq!(start(&out, true), ResumeStatus::Fresh);
+        assert_eq!(start(&out, true), ResumeStatus::Mismatch, "until a pack is found to be of the same input");
+        assert_eq!(fs::read_dir(&packs).unwrap().count(), 1);
+        let scratch = ScratchFolder::lock(&out).unwrap();
+        assert_eq!(scratch.prepare(false).unwrap(), ResumeStatus::Discarded);
         assert_eq!(fs::read_dir(&packs).unwrap().count(), 0);
         drop(scratch);
-        assert_eq!(start(&out, "b", false), ResumeStatus::Discarded);
-        fs::write(folder.path.join("city.partial/state.json"), "{").unwrap();
-        assert_eq!(start(&out, "b", true), ResumeStatus::Fresh);
+        assert_eq!(start(&out, true), ResumeStatus::Resumed, "nothing that does not fit");
     }
 
     #[test]
@@ -293,7 +268,7 @@ mod tests {
         fs::write(root.join("state.json"), "mine").unwrap();
         assert!(refused(&folder.path, &out).contains("city.partial"));
         fs::remove_dir_all(&root).unwrap();
-        start(&out, "a", false);
+        start(&out, false);
         for (name, part) in [
             ("notes.txt", "city.partial"),
             ("packs/notes.txt", "packs"),
@@ -309,7 +284,7 @@ mod tests {
             assert!(message.contains("notes.") && message.contains(part), "{message}");
             fs::remove_file(&path).unwrap();
         }
-        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
+        assert_eq!(start(&out, true), ResumeStatus::Mismatch);
     }
 
     #[test]
@@ -326,7 +301,7 @@ mod tests {
             refused(&folder.path, &out);
             fs::remove_file(link).unwrap();
         }
-        start(&out, "a", false);
+        start(&out, false);
         for (name, to) in
             [("lock", &target), ("state.json", &target), ("packs", &mine), ("city", &mine), ("spool", &mine)]
         {
@@ -351,8 +326,8 @@ mod tests {
         let folder = TestFolder::new("late");
         let out = folder.path.join("city");
         write_manifest(&out, "old");
-        let mut scratch = ScratchFolder::lock(&out).unwrap();
-        scratch.prepare(&input("a"), false).unwrap();
+        let scratch = ScratchFolder::lock(&out).unwrap();
+        scratch.prepare(false).unwrap();
         write_manifest(&scratch.city(), "new");
         fs::write(out.join("letters.txt"), "dear").unwrap();
         assert!(matches!(scratch.publish(), Err(BakeError::Out { .. })));
@@ -375,13 +350,13 @@ mod tests {
     fn previous_city_is_restored_after_a_kill_between_the_renames() {
         let folder = TestFolder::new("between");
         let out = folder.path.join("city");
-        start(&out, "a", false);
+        start(&out, false);
         write_manifest(&folder.path.join("city.partial/replaced"), "old");
         // Somebody may have prepared the place for the next bake.
         fs::create_dir(&out).unwrap();
-        let mut scratch = ScratchFolder::lock(&out).unwrap();
+        let scratch = ScratchFolder::lock(&out).unwrap();
         assert_eq!(title(&out), "old");
-        scratch.prepare(&input("a"), false).unwrap();
+        scratch.prepare(false).unwrap();
         write_manifest(&scratch.city(), "new");
         scratch.publish().unwrap();
         assert_eq!(title(&out), "new");

@@ -1,8 +1,9 @@
-//! The finished tiles of a block of one level in one scratch file: the bytes and points of each, then a list. Only the version of
-//! the program that wrote a pack reads it.
+//! The finished tiles of a block of one level in one scratch file: the hash of what they are made from, the bytes and points of each,
+//! then a list. Only the version of the program that wrote a pack reads it.
 
-use super::files::{read_pack, write_pack};
+use super::files::{pack_head, read_pack, write_pack};
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use crate::scene::grid::BLOCK_LEAVES;
 use insula_protocol::TileId;
 use insula_protocol::subtree::NodeDeviation;
@@ -15,7 +16,7 @@ const MAGIC: [u8; 4] = *b"INTP";
 const POINT_BYTES: usize = 12;
 
 /// The nodes that a pack contains: `BLOCK_LEAVES` x `BLOCK_LEAVES` nodes of one level.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct PackId {
     pub(crate) level: u8,
     pub(crate) y: u32,
@@ -82,9 +83,14 @@ pub(crate) struct StoredTile {
     pub(crate) unchanged: bool,
 }
 
-/// Writes a pack into `folder`. Fails if the file cannot be written.
-pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Result<Vec<StoredTile>, BakeError> {
-    let (mut all, mut stored) = (MAGIC.to_vec(), Vec::with_capacity(tiles.len()));
+/// Writes a pack into `folder`. `input` is the hash of what the tiles are made from. Fails if the file cannot be written.
+pub(crate) fn write(
+    folder: &Path,
+    pack: PackId,
+    input: ShortHash,
+    tiles: &[EncodedTile],
+) -> Result<Vec<StoredTile>, BakeError> {
+    let (mut all, mut stored) = (pack_head(MAGIC, input), Vec::with_capacity(tiles.len()));
     for EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children } in tiles {
         stored.push(StoredTile {
             id: *id,
@@ -104,9 +110,15 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Resul
     Ok(stored)
 }
 
-/// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
-pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
-    read_pack(&pack.path(folder), MAGIC)
+/// The content of a pack that an interrupted run made from the same input; `None` if there is none or it is damaged.
+pub(crate) fn find(folder: &Path, pack: PackId, input: ShortHash) -> Option<Vec<StoredTile>> {
+    read_pack(&pack.path(folder), &pack_head(MAGIC, input))
+}
+
+/// Whether there are packs in a folder, whatever they are made from.
+pub(crate) fn has_any(folder: &Path) -> bool {
+    let is_pack = |name: &str| name.ends_with(".pack") && !name.starts_with("m-");
+    fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| entry.file_name().to_str().is_some_and(is_pack))
 }
 
 fn points_bytes(count: u32) -> u64 {
@@ -159,6 +171,8 @@ mod tests {
     use super::*;
     use insula_test_support::folder::TestFolder;
 
+    const INPUT: ShortHash = [7; 16];
+
     fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> EncodedTile {
         let deviation = NodeDeviation { drawn_m: 0.5, drawn_max_m: 2.0, source_m: 0.25, source_max_m: y as f32 };
         let id = TileId::new(4, x, y).unwrap();
@@ -179,9 +193,11 @@ mod tests {
         let folder = TestFolder::new("pack");
         let tiles = [tile([8, 8], 1, 100), tile([9, 8], 2, 7), tile([9, 9], 3, 1000)];
         let pack = PackId::of(tiles[0].id);
-        assert_eq!(find(&folder.path, pack), None);
-        let stored = write(&folder.path, pack, &tiles).unwrap();
-        assert_eq!(find(&folder.path, pack).unwrap(), stored);
+        assert!(find(&folder.path, pack, INPUT).is_none() && !has_any(&folder.path));
+        let stored = write(&folder.path, pack, INPUT, &tiles).unwrap();
+        assert!(has_any(&folder.path));
+        assert_eq!(find(&folder.path, pack, INPUT).unwrap(), stored);
+        assert_eq!(find(&folder.path, pack, [8; 16]), None, "made from something else");
         let mut reader = PackReader::new(&folder.path);
         for (tile, stored) in tiles.iter().zip(&stored).rev() {
             assert_eq!(reader.read(stored).unwrap(), tile.bytes);
@@ -191,13 +207,13 @@ mod tests {
         let good = fs::read(&path).unwrap();
         for cut in [0, 3, 40, good.len() - 1] {
             fs::write(&path, &good[..cut]).unwrap();
-            assert_eq!(find(&folder.path, pack), None, "cut to {cut}");
+            assert_eq!(find(&folder.path, pack, INPUT), None, "cut to {cut}");
         }
         for at in [0, 5, 9, 30, 200, good.len() - 1] {
             let mut bad = good.clone();
             bad[at] ^= 1;
             fs::write(&path, bad).unwrap();
-            assert_eq!(find(&folder.path, pack), None, "flipped {at}");
+            assert_eq!(find(&folder.path, pack, INPUT), None, "flipped {at}");
         }
     }
 
@@ -205,7 +221,7 @@ mod tests {
     fn empty_pack_is_found_again() {
         let folder = TestFolder::new("empty-pack");
         let pack = PackId { level: 3, y: 0, x: 0 };
-        write(&folder.path, pack, &[]).unwrap();
-        assert_eq!(find(&folder.path, pack), Some(vec![]));
+        write(&folder.path, pack, INPUT, &[]).unwrap();
+        assert_eq!(find(&folder.path, pack, INPUT), Some(vec![]));
     }
 }

@@ -234,7 +234,7 @@ mod tests {
             let packs = groups.iter().flat_map(|group| {
                 let of_pack: Vec<EncodedTile> =
                     tiles.iter().filter(|tile| group.nodes.contains(&tile.id)).cloned().collect();
-                tile_pack::write(&folder.path, group.pack, &of_pack).unwrap()
+                tile_pack::write(&folder.path, group.pack, [0; 16], &of_pack).unwrap()
             });
             tree.set(level, packs.collect());
         }

@@ -1,8 +1,10 @@
 //! Bakes that are interrupted and resumed.
 
-use super::support::{BakedCity, bake, coarse_options, files, options, out_folder, partial};
+use super::support::{BakedCity, bake, city, coarse_options, files, options, out_folder, partial};
+use super::update::raised;
+use insula_bake::read::ReadReport;
 use insula_bake::report::ResumeStatus;
-use insula_bake::{BakeError, BakeOptions, Progress, Silent};
+use insula_bake::{BakeError, BakeOptions, Progress, Silent, bake_scene};
 use insula_test_support::folder::TestFolder;
 use std::io::{BufRead, BufReader, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -44,7 +46,7 @@ fn interrupt(out: &Path, stage: &'static str, step: u64) {
     let result = catch_unwind(AssertUnwindSafe(|| bake(&options(out, 2), &stop)));
     assert!(result.is_err(), "{stage} has no step {step}");
     assert!(!out.exists(), "an incomplete city");
-    assert!(partial(out).join("state.json").exists());
+    assert!(partial(out).join("packs").is_dir());
 }
 
 fn resume(out: &Path) -> BakeOptions {
@@ -83,6 +85,18 @@ fn damaged_packs_are_baked_again() {
     }
     bake(&resume(&out), &Silent).unwrap();
     assert!(files(&out) == BakedCity::boxes().files);
+}
+
+#[test]
+fn blocks_without_changes_are_resumed_after_a_change_elsewhere() {
+    let folder = TestFolder::new("resume-changed");
+    let out = out_folder(&folder, "changed");
+    interrupt(&out, "level 3", 1);
+    let report = bake_scene(raised(city(), 2), ReadReport::default(), &resume(&out), &Silent).unwrap();
+    assert_eq!(report.start, ResumeStatus::Resumed);
+    assert!(report.blocks_resumed > 0 && report.blocks_baked > 0, "{report:?}");
+    let whole = BakedCity::bake("resume-changed-full", raised(city(), 2), options(Path::new(""), 2));
+    assert!(files(&out) == whole.files, "other bytes than a full bake");
 }
 
 #[test]

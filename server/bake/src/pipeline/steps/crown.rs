@@ -6,12 +6,12 @@ use super::region;
 use super::region_file::{self, INDEX_KIND, TileIndex, index_name};
 use super::scan::scratch_folder;
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use crate::pipeline::context::{FinishedTiles, TileContext};
 use crate::pipeline::far_land::FarLand;
 use crate::pipeline::parents;
-use crate::report::ResumeStatus;
 use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::{self, EncodedTile, PackId, PackNodes, StoredTile};
+use crate::write::tile_pack::{self, EncodedTile, PackNodes, StoredTile};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::TileId;
 use std::collections::HashSet;
@@ -31,10 +31,9 @@ impl BakeSteps<'_> {
         let folder = scratch_folder()?;
         let packs = folder.path().join("packs");
         fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
-        let (config, grid, progress) = (&self.config, &plan.grid, self.progress);
-        let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
-        let context = TileContext { config, grid, packs: &packs, progress, resume, previous: None, plane_m };
-        let mut tiles = FinishedTiles::new(grid.depth);
+        let (config, grid, progress, plane_m) = (&self.config, &plan.grid, self.progress, plan.plane_m);
+        let context = TileContext { config, grid, packs: &packs, progress, previous: None, plane_m };
+        let mut tiles = FinishedTiles::new(&context);
         let (mut roots, of_city) = self.region_roots(&plan)?;
         if of_city.is_empty() {
             return Err(BakeError::Empty { triangles: plan.facts.triangles as usize, cell_m: config.options.cell_m });
@@ -52,14 +51,14 @@ impl BakeSteps<'_> {
         let mut stored: Vec<StoredTile> = Vec::with_capacity(roots.len());
         for PackNodes { pack, nodes } in PackNodes::group(roots.iter().map(|root| root.id).collect()) {
             let of_pack: Vec<EncodedTile> = nodes.iter().filter_map(|id| by_id.get(id).copied().cloned()).collect();
-            stored.extend(tile_pack::write(&packs, PackId { ..pack }, &of_pack)?);
+            stored.extend(tile_pack::write(&packs, pack, ShortHash::default(), &of_pack)?);
         }
         drop(by_id);
         drop(roots);
         tiles.tree.set(plan.region_level, stored);
         let pool = config.thread_pool()?;
         for level in (0..plan.region_level).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, land.as_ref(), level)?);
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles, land.as_ref(), level)?);
         }
         let mut above = TileTree::new(grid.depth);
         (0..plan.region_level).for_each(|level| above.set(level, tiles.tree.level(level).to_vec()));

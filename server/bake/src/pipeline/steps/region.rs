@@ -13,7 +13,6 @@ use crate::pipeline::far_land::FarLand;
 use crate::pipeline::hashed::{HashedInput, HashedPartition};
 use crate::pipeline::leaves::LeafBaker;
 use crate::pipeline::parents;
-use crate::report::ResumeStatus;
 use crate::scene::Landmark;
 use crate::scene::object_facts::BlockObjectFacts;
 use crate::scene::object_records::ObjectRecords;
@@ -117,9 +116,8 @@ impl BakeSteps<'_> {
         progress.stage("partition", city.triangles);
         let partition = HashedPartition::new(input, &folder.join("buckets"), square, |n| progress.advance(n))?;
         city.drop_triangles();
-        let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
-        let context = TileContext { config, grid, packs, progress, resume, previous: None, plane_m };
-        let mut tiles = FinishedTiles::new(grid.depth);
+        let context = TileContext { config, grid, packs, progress, previous: None, plane_m: plan.plane_m };
+        let mut tiles = FinishedTiles::new(&context);
         let pool = config.thread_pool()?;
         let baker = LeafBaker { context: &context, city, partition: &partition.partition };
         tiles.add_level(grid.depth, baker.bake_all(&pool, &partition.hashes)?);
@@ -131,7 +129,7 @@ impl BakeSteps<'_> {
             FarLand::within(models, plan.facts.origin, grid, leaves, root, plan.region_level + 1..=grid.depth)
         });
         for level in (plan.region_level..grid.depth).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, land.as_ref(), level)?);
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles, land.as_ref(), level)?);
         }
         Ok((tiles, partition))
     }
