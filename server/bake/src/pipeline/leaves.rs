@@ -56,7 +56,7 @@ impl LeafBaker<'_> {
         let budget = MemoryBudget::new(config.block_bytes());
         run_bounded(config.threads, &blocks, |(block, fingerprint)| {
             // A block that is only copied needs hardly any memory.
-            let is_copied = previous.is_some_and(|previous| previous.has_block(block, *fingerprint));
+            let is_copied = previous.is_some_and(|previous| previous.has_block(self.pack(block), *fingerprint));
             let bytes = if is_copied { 0 } else { estimate_memory_bytes(block, grid) };
             budget.with(bytes, || pool.install(|| self.bake_block(block, *fingerprint)))
         })
@@ -64,19 +64,14 @@ impl LeafBaker<'_> {
 
     /// Bakes one block, unless an interrupted bake finished it or the city to update has it.
     fn bake_block(&self, block: &LeafBlock, fingerprint: ShortHash) -> Result<FinishedPack, BakeError> {
-        let TileContext { grid, packs, progress, previous, config, .. } = *self.context;
-        let pack = PackId { level: grid.depth, y: block.y, x: block.x };
+        let TileContext { grid, packs, progress, config, .. } = *self.context;
+        let pack = self.pack(block);
         subject::set(format_args!("block of leaves {}/{}/{}", grid.depth, block.x, block.y));
         let leaves = self.partition.leaves(block);
-        let reused = previous.filter(|previous| previous.has_block(block, fingerprint));
-        let reused = reused.and_then(|previous| {
-            Some(BlockTiles { tiles: previous.leaves(&leaves)?, meshes: previous.meshes(&leaves)? })
-        });
-        let is_unchanged = reused.is_some();
-        let (mut tiles, meshes, outcome) = if let Some((tiles, meshes)) = self.find(pack, fingerprint) {
+        let (tiles, meshes, outcome) = if let Some((tiles, meshes)) = self.find(pack, fingerprint) {
             (tiles, meshes, PackOutcome::Resumed)
         } else {
-            let (outcome, block) = match reused {
+            let (outcome, block) = match self.unchanged(pack, fingerprint, &leaves) {
                 Some(reused) => (PackOutcome::Unchanged, reused),
                 None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
             };
@@ -87,7 +82,6 @@ impl LeafBaker<'_> {
             };
             (tile_pack::write(packs, pack, fingerprint, &block.tiles)?, meshes, outcome)
         };
-        tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
         match outcome {
             PackOutcome::Baked => progress.advance(leaves.len() as u64),
             PackOutcome::Resumed | PackOutcome::Unchanged => progress.skip(leaves.len() as u64),
@@ -101,6 +95,16 @@ impl LeafBaker<'_> {
         let tiles = tile_pack::find(packs, pack, input)?;
         let meshes = if config.options.meshes { mesh_pack::find(packs, pack, input)? } else { Vec::new() };
         Some((tiles, meshes))
+    }
+
+    /// What the city to update has of the same input.
+    fn unchanged(&self, pack: PackId, input: ShortHash, leaves: &[TileId]) -> Option<BlockTiles> {
+        let previous = self.context.previous.filter(|previous| previous.has_block(pack, input))?;
+        Some(BlockTiles { tiles: previous.leaves(leaves)?, meshes: previous.meshes(leaves)? })
+    }
+
+    fn pack(&self, block: &LeafBlock) -> PackId {
+        PackId { level: self.context.grid.depth, y: block.y, x: block.x }
     }
 
     fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {

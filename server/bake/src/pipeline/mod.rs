@@ -154,15 +154,15 @@ impl<'a> BakeRun<'a> {
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
         let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.options.cell_m)?;
         let grid = self.grid_of_base(&city, surroundings.is_some()).unwrap_or(grid);
-        let previous = self.open_previous();
+        let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
+        let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
+        let previous = self.open_previous(plane_m);
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let mut start = self.prepare_scratch()?;
         let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
-        let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
-        let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let previous_city = previous.as_ref();
         let context = TileContext { config, grid: &grid, packs: &packs, progress, previous: previous_city, plane_m };
         let mut tiles = FinishedTiles::new(&context);
@@ -221,9 +221,9 @@ impl<'a> BakeRun<'a> {
     }
 
     /// The city whose unchanged blocks are reused, if that was requested and is possible.
-    fn open_previous(&self) -> Option<PreviousCity> {
+    fn open_previous(&self, plane_m: Option<f32>) -> Option<PreviousCity> {
         let folder = self.config.previous.as_ref()?;
-        match PreviousCity::open(folder, self.config) {
+        match PreviousCity::open(folder, self.config, plane_m) {
             Ok(previous) => Some(previous),
             Err(reason) => {
                 let folder = folder.display();

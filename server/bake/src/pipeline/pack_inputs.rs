@@ -1,7 +1,7 @@
 //! What packs are made from, as a hash by which finished ones are found again.
 
 use crate::hash::{ShortHash, short_hash};
-use crate::write::tile_pack::PackId;
+use crate::write::tile_pack::{PackId, PackNodes};
 use insula_protocol::TileId;
 use std::collections::HashMap;
 
@@ -18,13 +18,40 @@ impl PackInputs {
         Self { plane_m, of_packs: HashMap::new() }
     }
 
+    /// Those of a finished city with these nodes, and these blocks of leaves at level `depth`.
+    pub(super) fn of_city(
+        plane_m: Option<f32>,
+        depth: u8,
+        blocks: Vec<((u32, u32), ShortHash)>,
+        nodes: impl Iterator<Item = TileId>,
+    ) -> Self {
+        let mut inputs = Self::new(plane_m);
+        for ((x, y), input) in blocks {
+            inputs.set(PackId { level: depth, y, x }, input);
+        }
+        let parents = nodes.filter(|id| id.level() < depth).collect();
+        // The deepest level is the last.
+        for PackNodes { pack, nodes } in PackNodes::group(parents).into_iter().rev() {
+            let input = inputs.of_parents(nodes.iter().map(|id| (*id, inputs.of_parent(*id))));
+            if let Some(input) = input {
+                inputs.set(pack, input);
+            }
+        }
+        inputs
+    }
+
     pub(super) fn set(&mut self, pack: PackId, input: ShortHash) {
         self.of_packs.insert(pack, input);
     }
 
+    /// Hash of what a pack is made from; `None` if it is not known.
+    pub(super) fn of_pack(&self, pack: PackId) -> Option<ShortHash> {
+        self.of_packs.get(&pack).copied()
+    }
+
     /// Hash of what a parent is made from: that of the pack of its children, which are together in one. `None` if it is not known.
     pub(super) fn of_parent(&self, id: TileId) -> Option<ShortHash> {
-        self.of_packs.get(&PackId::of(id.child(0)?)).copied()
+        self.of_pack(PackId::of(id.child(0)?))
     }
 
     /// Hash of what a pack of parents is made from, by that of each; `None` if one is not known.
@@ -48,23 +75,18 @@ mod tests {
     #[test]
     fn a_change_below_changes_the_inputs_of_all_levels_above() {
         let id = |level, x, y| TileId::new(level, x, y).unwrap();
-        let root_input = |leaf: u8, plane_m: Option<f32>| {
-            let mut inputs = PackInputs::new(plane_m);
-            inputs.set(PackId { level: 3, y: 1, x: 3 }, [leaf; 16]);
-            inputs.set(PackId { level: 3, y: 0, x: 3 }, [9; 16]);
-            for (pack, nodes) in [([1, 0], vec![id(2, 3, 0), id(2, 3, 1)]), ([0, 0], vec![id(1, 1, 0)])] {
-                let level = nodes[0].level();
-                let of_nodes = nodes.iter().map(|id| (*id, inputs.of_parent(*id)));
-                let input = inputs.of_parents(of_nodes).unwrap();
-                inputs.set(PackId { level, y: pack[1], x: pack[0] }, input);
-            }
-            inputs.of_parent(TileId::ROOT).unwrap()
+        let nodes = [TileId::ROOT, id(1, 1, 0), id(2, 3, 0), id(2, 3, 1), id(3, 6, 0), id(3, 7, 3)];
+        let root = |blocks: &[((u32, u32), u8)], plane_m| {
+            let blocks = blocks.iter().map(|(place, hash)| (*place, [*hash; 16])).collect();
+            PackInputs::of_city(plane_m, 3, blocks, nodes.into_iter()).of_parent(TileId::ROOT)
         };
-        let base = root_input(1, None);
-        assert_eq!(root_input(1, None), base);
-        assert_ne!(root_input(2, None), base, "another block of leaves");
-        assert_ne!(root_input(1, Some(0.0)), base, "another plane");
-        let inputs = PackInputs::default();
-        assert_eq!(inputs.of_parents([(TileId::ROOT, inputs.of_parent(TileId::ROOT))].into_iter()), None);
+        let base = root(&[((3, 0), 9), ((3, 1), 1)], None);
+        assert!(
+            base.is_some() && root(&[((3, 0), 9), ((3, 1), 1), ((0, 0), 5)], None) == base,
+            "a block without leaves"
+        );
+        assert_ne!(root(&[((3, 0), 9), ((3, 1), 2)], None), base, "another block of leaves");
+        assert_ne!(root(&[((3, 0), 9), ((3, 1), 1)], Some(0.0)), base, "another plane");
+        assert_eq!(root(&[((3, 0), 9)], None), None, "a block that is not known");
     }
 }

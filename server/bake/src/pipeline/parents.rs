@@ -2,7 +2,6 @@
 
 use super::context::{FinishedPack, FinishedTiles, NodeMeasures, TileContext, encode_node};
 use super::far_land::FarLand;
-use super::update::PreviousCity;
 use super::work_queue::run_bounded;
 use crate::columns::deviation::{self, FarLeaves};
 use crate::columns::voxels::VoxelNode;
@@ -32,8 +31,8 @@ pub(super) fn bake_level(
     run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, finished, land, pack)))
 }
 
-/// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from
-/// the city to update.
+/// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes that the city to update has of the same input are taken
+/// from it.
 fn bake_pack(
     context: &TileContext<'_>,
     FinishedTiles { tree, inputs, .. }: &FinishedTiles,
@@ -57,8 +56,7 @@ fn bake_pack(
             context.progress.advance(1);
             return Ok(tile.map(|tile| (tile, false)));
         }
-        let unchanged = context.previous.filter(|previous| has_same_children(previous, tree, *id));
-        let reused = unchanged.and_then(|previous| previous.tile(*id));
+        let reused = context.previous.and_then(|previous| previous.parent(*id, input_of(*id)));
         let is_unchanged = reused.is_some();
         let mut reader = PackReader::new(context.packs);
         let children = id.children().filter_map(|child| tree.get(child));
@@ -78,19 +76,10 @@ fn bake_pack(
     let baked: Vec<Option<(EncodedTile, bool)>> = baked.collect::<Result<_, _>>()?;
     let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.into_iter().flatten().unzip();
     // Without a known input, it is never looked for.
-    let mut tiles = tile_pack::write(context.packs, id, input.unwrap_or_default(), &tiles)?;
-    tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
+    let tiles = tile_pack::write(context.packs, id, input.unwrap_or_default(), &tiles)?;
     let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);
     let outcome = if all_unchanged { PackOutcome::Unchanged } else { PackOutcome::Baked };
     Ok(FinishedPack { id, input, tiles, meshes, outcome })
-}
-
-/// Whether the node has the same children as in the previous city, all of them unchanged.
-fn has_same_children(previous: &PreviousCity, tree: &TileTree, id: TileId) -> bool {
-    id.children().all(|child| match tree.get(child) {
-        Some(stored) => stored.unchanged && previous.has_node(child),
-        None => !previous.has_node(child),
-    })
 }
 
 /// Makes a node from its children. `points` are those of its leaves.

@@ -1,15 +1,15 @@
 //! The city that a bake updates. Unchanged blocks are copied from it.
 
+use super::pack_inputs::PackInputs;
 use crate::columns::deviation;
 use crate::config::BakeConfig;
 use crate::hash::ShortHash;
 use crate::mesh::EncodedLod;
 use crate::scene::object_numbers::IdentityKey;
-use crate::scene::partition::LeafBlock;
 use crate::scene::scratch_scene::hash_of_id;
 use crate::write::fingerprints::Fingerprints;
 use crate::write::mesh_pack::LeafMesh;
-use crate::write::tile_pack::EncodedTile;
+use crate::write::tile_pack::{EncodedTile, PackId};
 use insula_archive::BakedCity;
 use insula_archive::city::{MANIFEST_FILE, content_version};
 use insula_objects::block::ObjectBlock;
@@ -23,14 +23,15 @@ use std::path::Path;
 
 /// A city of an earlier bake.
 pub(super) struct PreviousCity {
-    fingerprints: HashMap<(u32, u32), ShortHash>,
+    inputs: PackInputs,
     nodes: PreviousNodes,
     city: BakedCity,
 }
 
 impl PreviousCity {
-    /// Opens the city. Fails with the reason if nothing of it can be reused.
-    pub(super) fn open(folder: &Path, config: &BakeConfig) -> Result<Self, String> {
+    /// Opens the city. `plane_m` is the plane of the new one: blocks whose ground ends at another have other fingerprints. Fails with the
+    /// reason if nothing of it can be reused.
+    pub(super) fn open(folder: &Path, config: &BakeConfig, plane_m: Option<f32>) -> Result<Self, String> {
         if !folder.join(MANIFEST_FILE).exists() {
             return Err("there is no city in the folder".to_owned());
         }
@@ -48,7 +49,9 @@ impl PreviousCity {
             return Err("its fingerprints.bin belongs to another city".to_owned());
         }
         let nodes = read_nodes(&city).ok_or("its subtrees are damaged")?;
-        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), nodes, city })
+        let all = nodes.heights.keys().copied();
+        let inputs = PackInputs::of_city(plane_m, city.manifest().depth, fingerprints.blocks, all);
+        Ok(Self { inputs, nodes, city })
     }
 
     /// The city itself.
@@ -84,17 +87,21 @@ impl PreviousCity {
         ObjectBlock::decode(block, &object_tile::decode(id, &bytes).ok()?, schema).ok()
     }
 
-    /// Whether the block's input is unchanged.
-    pub(super) fn has_block(&self, block: &LeafBlock, fingerprint: ShortHash) -> bool {
-        self.fingerprints.get(&(block.x, block.y)) == Some(&fingerprint)
+    /// Whether a block of leaves was made from the same input.
+    pub(super) fn has_block(&self, block: PackId, input: ShortHash) -> bool {
+        self.inputs.of_pack(block) == Some(input)
     }
 
-    pub(super) fn has_node(&self, id: TileId) -> bool {
+    fn has_node(&self, id: TileId) -> bool {
         self.nodes.heights.contains_key(&id)
     }
 
-    /// The node's tile without points; `None` if it does not exist or is damaged.
-    pub(super) fn tile(&self, id: TileId) -> Option<EncodedTile> {
+    /// A parent's tile without points; `None` if it was made from another input, which may be unknown, or is damaged.
+    pub(super) fn parent(&self, id: TileId, input: Option<ShortHash>) -> Option<EncodedTile> {
+        if self.inputs.of_parent(id) == Some(input?) { self.tile(id) } else { None }
+    }
+
+    fn tile(&self, id: TileId) -> Option<EncodedTile> {
         let [z_min_m, z_max_m] = *self.nodes.heights.get(&id)?;
         let deviation = *self.nodes.deviations.get(&id)?;
         let bytes = tile_bytes(&self.city, TileKind::BlockMap, id)?;

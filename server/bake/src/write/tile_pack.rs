@@ -79,8 +79,6 @@ pub(crate) struct StoredTile {
     pub(crate) points: u32,
     /// Whether it shows the same as its children.
     pub(crate) shows_children: bool,
-    /// Whether the city that is updated has the same tile.
-    pub(crate) unchanged: bool,
 }
 
 /// Writes a pack into `folder`. `input` is the hash of what the tiles are made from. Fails if the file cannot be written.
@@ -101,7 +99,6 @@ pub(crate) fn write(
             bytes: bytes.len() as u32,
             points: points.len() as u32,
             shows_children: *shows_children,
-            unchanged: false,
         });
         all.extend_from_slice(bytes);
         all.extend(points.iter().flatten().flat_map(|v| v.to_le_bytes()));

@@ -66,7 +66,6 @@ impl BakeSteps<'_> {
                 bytes: tile.len() as u32,
                 points: 0,
                 shows_children: false,
-                unchanged: false,
             };
             index.tiles.push((stored, short_hash(&blake3::hash(&tile))));
             start += tile.len() as u64;

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 /// Name of the job's object.
 pub(super) const JOB: &str = "job.json";
 /// Version of the steps and their objects.
-const STEPS_VERSION: u32 = 3;
+const STEPS_VERSION: u32 = 4;
 /// A longer job is refused.
 const MAX_JOB_BYTES: u64 = 64 << 20;
 /// Sources are collected in chunks of this size, unless it is chosen.

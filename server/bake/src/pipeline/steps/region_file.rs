@@ -61,7 +61,7 @@ pub(super) fn write(
     tiles.sort_by_cached_key(|tile| archive_order(tile.id));
     for tile in tiles {
         let (offset, hash) = push(bytes.tile(tile)?)?;
-        index.tiles.push((StoredTile { offset, points: 0, unchanged: false, ..*tile }, hash));
+        index.tiles.push((StoredTile { offset, points: 0, ..*tile }, hash));
     }
     let mut meshes: Vec<&StoredMesh> = tree.meshes().iter().collect();
     meshes.sort_by_cached_key(|mesh| mesh_tile::archive_id(mesh.id, mesh.lod).map(archive_order));
