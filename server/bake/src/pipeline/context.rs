@@ -15,6 +15,7 @@ use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
 use crate::write::tile_tree::{TileTree, round_outward, z_bounds};
 use insula_protocol::BlockMap;
 use insula_protocol::subtree::NodeDeviation;
+use rayon::ThreadPool;
 use std::path::Path;
 
 /// The input of the stages that bake tiles.
@@ -22,6 +23,7 @@ use std::path::Path;
 pub(super) struct TileContext<'a> {
     pub(super) config: &'a BakeConfig,
     pub(super) grid: &'a CityGrid,
+    pub(super) pool: &'a ThreadPool,
     /// The folder of finished packs. Those of an interrupted bake that were made from the same input are not baked again.
     pub(super) packs: &'a Path,
     pub(super) progress: &'a dyn Progress,

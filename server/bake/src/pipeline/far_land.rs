@@ -12,7 +12,7 @@ use crate::read::{FarModels, LandSquare};
 use crate::sample::SampleSettings;
 use crate::scene::grid::CityGrid;
 use crate::scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle};
-use crate::write::tile_pack::{EncodedTile, StoredTile};
+use crate::write::tile_pack::EncodedTile;
 use insula_protocol::{NODE_CELLS, TileId};
 use std::collections::HashSet;
 use std::ops::RangeInclusive;
@@ -40,12 +40,6 @@ pub(super) struct FarLand<'a> {
 }
 
 impl<'a> FarLand<'a> {
-    /// The nodes around the city's `leaves`.
-    pub(super) fn new(surroundings: &'a FarModels, origin: [f64; 3], grid: &CityGrid, leaves: &[StoredTile]) -> Self {
-        let leaves = leaves.iter().map(|leaf| leaf.id);
-        Self::within(surroundings, origin, grid, leaves, TileId::ROOT, 0..=grid.depth)
-    }
-
     /// The nodes of some levels at or below `root` around nodes of the city.
     pub(super) fn within(
         surroundings: &'a FarModels,

@@ -10,9 +10,7 @@ use crate::scene::grid::CityGrid;
 use crate::scene::partition::{BlockSquare, LeafBlock, Partition, PartitionOptions};
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
-use crate::write::tile_pack::PackId;
-use insula_protocol::{NODE_CELLS, TileId};
-use std::collections::HashSet;
+use insula_protocol::NODE_CELLS;
 use std::path::Path;
 
 /// Memory of a triangle while its block is hashed.
@@ -107,13 +105,5 @@ impl HashedPartition {
     /// Position and fingerprint of each block.
     pub(super) fn fingerprints(&self) -> Vec<((u32, u32), ShortHash)> {
         self.partition.blocks.iter().zip(&self.hashes).map(|(block, hash)| ((block.x, block.y), *hash)).collect()
-    }
-
-    /// Those of the blocks without a leaf among `merged`: of the others, the city does not have all leaves, so an update bakes them
-    /// again.
-    pub(super) fn fingerprints_without(&self, merged: &[TileId]) -> Vec<((u32, u32), ShortHash)> {
-        let blocks: HashSet<(u32, u32)> =
-            merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
-        self.fingerprints().into_iter().filter(|(place, _)| !blocks.contains(place)).collect()
     }
 }

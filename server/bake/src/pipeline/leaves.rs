@@ -20,7 +20,6 @@ use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
 use crate::write::{mesh_pack, tile_pack};
 use insula_protocol::{BlockMap, TileId};
 use insula_source::subject;
-use rayon::ThreadPool;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
@@ -40,12 +39,8 @@ pub(super) struct LeafBaker<'a> {
 impl LeafBaker<'_> {
     /// Bakes all blocks within the memory limit: samples, cuts meshes, parametrises, encodes and stores. `fingerprints`
     /// are those of the partition's blocks. Fails with the first error of a block.
-    pub(super) fn bake_all(
-        &self,
-        pool: &ThreadPool,
-        fingerprints: &[ShortHash],
-    ) -> Result<Vec<FinishedPack>, BakeError> {
-        let TileContext { config, grid, progress, previous, .. } = *self.context;
+    pub(super) fn bake_all(&self, fingerprints: &[ShortHash]) -> Result<Vec<FinishedPack>, BakeError> {
+        let TileContext { config, grid, pool, progress, previous, .. } = *self.context;
         // The queue is processed from both ends: few heavy blocks are in memory together, and the last blocks are
         // neither large nor many.
         let mut blocks: Vec<(&LeafBlock, ShortHash)> =

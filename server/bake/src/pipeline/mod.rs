@@ -9,6 +9,7 @@ mod far_land;
 mod generated;
 mod hashed;
 mod leaves;
+mod levels;
 mod pack_inputs;
 mod parents;
 mod steps;
@@ -34,13 +35,14 @@ use crate::write::objects::NumberedRecords;
 use crate::write::ownership::{check_inputs, check_place};
 use crate::write::scratch_folder::ScratchFolder;
 use crate::write::tile_bytes::PackedTiles;
-use context::{FinishedTiles, TileContext};
+use crate::write::tile_pack::StoredTile;
+use context::TileContext;
 use far_land::FarLand;
 pub use generated::{GeneratedCity, bake_generated};
 use hashed::{HashedInput, HashedPartition};
 use insula_archive::places::KeptFolder;
+use insula_protocol::TileId;
 use insula_scratch::record_list::RecordList;
-use leaves::LeafBaker;
 use rayon::ThreadPool;
 use std::cell::Cell;
 pub use steps::{
@@ -162,16 +164,19 @@ impl<'a> BakeRun<'a> {
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let mut start = self.prepare_scratch()?;
-        let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
-        let previous_city = previous.as_ref();
-        let context = TileContext { config, grid: &grid, packs: &packs, progress, previous: previous_city, plane_m };
-        let mut tiles = FinishedTiles::new(&context);
-        let origin = city.origin;
-        self.bake_leaves(&context, city, &partition, &mut tiles)?;
-        let land = surroundings.map(|land| FarLand::new(land, origin, &grid, tiles.tree.level(grid.depth)));
-        self.bake_parents(&context, land.as_ref(), &mut tiles)?;
-        let merged = tiles.tree.merge_plain_nodes();
-        let fingerprints = partition.fingerprints_without(&merged);
+        let (config, progress, pool, packs) = (self.config, self.progress, &self.pool, &self.scratch.packs());
+        let context = TileContext { config, grid: &grid, pool, packs, progress, previous: previous.as_ref(), plane_m };
+        let (origin, triangles) = (city.origin, city.triangles as usize);
+        let land = |leaves: &[StoredTile]| {
+            if leaves.is_empty() {
+                return Err(BakeError::Empty { triangles, cell_m: config.options.cell_m });
+            }
+            let (nodes, levels) = (leaves.iter().map(|leaf| leaf.id), 0..=grid.depth);
+            Ok(surroundings.map(|land| FarLand::within(land, origin, &grid, nodes, TileId::ROOT, levels)))
+        };
+        let mut tiles = levels::bake(&context, &mut self.clock, city, &partition, 0, land)?;
+        let mut fingerprints = partition.fingerprints();
+        tiles.tree.merge_plain_nodes(&mut fingerprints);
         let tree = &tiles.tree;
         let searchable = config.options.search_attributes.clone();
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
@@ -247,39 +252,6 @@ impl<'a> BakeRun<'a> {
             }
         }
         Ok(status)
-    }
-
-    /// Bakes the tiles and meshes of all leaves. Fails if no leaf has content.
-    fn bake_leaves(
-        &mut self,
-        context: &TileContext<'_>,
-        city: ScratchScene,
-        HashedPartition { partition, hashes }: &HashedPartition,
-        tiles: &mut FinishedTiles,
-    ) -> Result<(), BakeError> {
-        let depth = context.grid.depth;
-        let baker = LeafBaker { context, city: &city, partition };
-        let packs = self.clock.time("sample", || baker.bake_all(&self.pool, hashes))?;
-        tiles.add_level(depth, packs);
-        if tiles.tree.level(depth).is_empty() {
-            return Err(BakeError::Empty { triangles: city.triangles as usize, cell_m: self.config.options.cell_m });
-        }
-        Ok(())
-    }
-
-    /// Bakes the tiles of all levels above the leaves.
-    fn bake_parents(
-        &mut self,
-        context: &TileContext<'_>,
-        land: Option<&FarLand<'_>>,
-        tiles: &mut FinishedTiles,
-    ) -> Result<(), BakeError> {
-        for level in (0..context.grid.depth).rev() {
-            let bake = || parents::bake_level(context, &self.pool, tiles, land, level);
-            let packs = self.clock.time(&format!("level {level}"), bake)?;
-            tiles.add_level(level, packs);
-        }
-        Ok(())
     }
 
     /// Writes the final files and replaces the output.

@@ -12,14 +12,12 @@ use crate::write::tile_pack::{self, EncodedTile, PackNodes, PackReader};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::subtree::NodeDeviation;
 use insula_protocol::{BlockMap, TileId};
-use rayon::ThreadPool;
 use rayon::prelude::*;
 
 /// Bakes all nodes of a level from the finished tiles of the level below: averages, parametrises, encodes and stores.
 /// Nodes of the land around the city are made from its elevation models. Fails with the first error of a node.
 pub(super) fn bake_level(
     context: &TileContext<'_>,
-    pool: &ThreadPool,
     finished: &FinishedTiles,
     land: Option<&FarLand<'_>>,
     level: u8,
@@ -28,7 +26,9 @@ pub(super) fn bake_level(
     nodes.extend(land.into_iter().flat_map(|land| land.nodes(level)));
     let packs = PackNodes::group(nodes);
     context.progress.stage(&format!("level {level}"), packs.iter().map(|pack| pack.nodes.len() as u64).sum());
-    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, finished, land, pack)))
+    run_bounded(context.config.threads, &packs, |pack| {
+        context.pool.install(|| bake_pack(context, finished, land, pack))
+    })
 }
 
 /// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes that the city to update has of the same input are taken

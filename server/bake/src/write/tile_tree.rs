@@ -4,12 +4,14 @@
 //! diagonal of its voxel, which also bounds the size of what it colours, or what was measured, if that is more.
 
 use super::mesh_pack::StoredMesh;
-use super::tile_pack::StoredTile;
+use super::tile_pack::{PackId, StoredTile};
 use crate::error::BakeError;
+use crate::hash::ShortHash;
 use crate::scene::grid::CityGrid;
 use insula_protocol::blockmap::{self, MIN_NORMAL_Z, flag, voxel_error_m};
 use insula_protocol::subtree::{LEVELS, NodeInfo, NodeMesh};
 use insula_protocol::{BlockMap, Subtree, TileId, octahedral};
+use std::collections::HashSet;
 
 /// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
 #[derive(Debug, Default)]
@@ -61,9 +63,10 @@ impl TileTree {
         find_by_id(self.level(id.level()), id, |tile| tile.id)
     }
 
-    /// Removes the nodes that their parent shows as well, and that have no children left, from the finest level up; and their meshes.
-    /// The root keeps its children. Returns the removed leaves, in ascending order.
-    pub(crate) fn merge_plain_nodes(&mut self) -> Vec<TileId> {
+    /// Removes the nodes that their parent shows as well, and that have no children left, from the finest level up; and their meshes, and
+    /// the fingerprints of their blocks: an update bakes these again. The root keeps its children. Returns the removed leaves, in ascending
+    /// order.
+    pub(crate) fn merge_plain_nodes(&mut self, fingerprints: &mut Vec<((u32, u32), ShortHash)>) -> Vec<TileId> {
         let depth = self.levels.len().saturating_sub(1);
         let mut leaves = Vec::new();
         for level in (1..depth).rev() {
@@ -83,6 +86,9 @@ impl TileTree {
             children.retain(|tile| !is_merged(tile.id));
         }
         self.meshes.retain(|mesh| leaves.binary_search(&mesh.id).is_err());
+        let blocks: HashSet<(u32, u32)> =
+            leaves.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
+        fingerprints.retain(|(place, _)| !blocks.contains(place));
         leaves
     }
 
@@ -238,7 +244,9 @@ mod tests {
             });
             tree.set(level, packs.collect());
         }
-        let leaves = tree.merge_plain_nodes();
+        let mut fingerprints: Vec<_> = (0..16).map(|i| ((i % 4, i / 4), [1; 16])).collect();
+        let leaves = tree.merge_plain_nodes(&mut fingerprints);
+        assert_eq!(fingerprints.len(), 16 - leaves.len() / 4);
         assert_eq!(leaves.len(), 16 + 4);
         assert!(leaves.is_sorted() && leaves.contains(&id(3, 3, 3)) && leaves.contains(&id(3, 5, 1)));
         let counts: Vec<usize> = tree.levels().iter().map(Vec::len).collect();

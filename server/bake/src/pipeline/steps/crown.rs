@@ -9,7 +9,8 @@ use crate::error::BakeError;
 use crate::hash::ShortHash;
 use crate::pipeline::context::{FinishedTiles, TileContext};
 use crate::pipeline::far_land::FarLand;
-use crate::pipeline::parents;
+use crate::pipeline::levels;
+use crate::report::StageClock;
 use crate::write::tile_bytes::PackedTiles;
 use crate::write::tile_pack::{self, EncodedTile, PackNodes, StoredTile};
 use crate::write::tile_tree::TileTree;
@@ -32,7 +33,8 @@ impl BakeSteps<'_> {
         let packs = folder.path().join("packs");
         fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
         let (config, grid, progress, plane_m) = (&self.config, &plan.grid, self.progress, plan.plane_m);
-        let context = TileContext { config, grid, packs: &packs, progress, previous: None, plane_m };
+        let pool = &config.thread_pool()?;
+        let context = TileContext { config, grid, pool, packs: &packs, progress, previous: None, plane_m };
         let mut tiles = FinishedTiles::new(&context);
         let (mut roots, of_city) = self.region_roots(&plan)?;
         if of_city.is_empty() {
@@ -56,10 +58,8 @@ impl BakeSteps<'_> {
         drop(by_id);
         drop(roots);
         tiles.tree.set(plan.region_level, stored);
-        let pool = config.thread_pool()?;
-        for level in (0..plan.region_level).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles, land.as_ref(), level)?);
-        }
+        let clock = &mut StageClock::new();
+        levels::bake_parents(&context, clock, land.as_ref(), 0..plan.region_level, &mut tiles)?;
         let mut above = TileTree::new(grid.depth);
         (0..plan.region_level).for_each(|level| above.set(level, tiles.tree.level(level).to_vec()));
         let own_roots = tiles.tree.level(plan.region_level).iter().filter(|tile| own.contains(&tile.id));

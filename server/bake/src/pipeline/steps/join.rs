@@ -18,7 +18,7 @@ use crate::write::archive::{self, ArchiveLayout, ListedTile, WrittenArchive, arc
 use crate::write::city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives};
 use crate::write::mesh_pack::StoredMesh;
 use crate::write::objects::NumberedRecords;
-use crate::write::tile_pack::{PackId, StoredTile};
+use crate::write::tile_pack::StoredTile;
 use crate::write::tile_tree::TileTree;
 use insula_archive::city::MANIFEST_FILE;
 use insula_archive::mark::{MARK_AT, mark_of};
@@ -292,10 +292,7 @@ impl BakeSteps<'_> {
             tree.set(level, tiles);
         }
         tree.set_meshes(meshes);
-        let merged = tree.merge_plain_nodes();
-        let blocks: HashSet<(u32, u32)> =
-            merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
-        fingerprints.retain(|(place, _)| !blocks.contains(place));
+        tree.merge_plain_nodes(&mut fingerprints);
         fingerprints.sort_unstable_by_key(|((x, y), _)| (*y, *x));
         Ok(CityTiles { tree, fingerprints, objects: of_regions, of_crown })
     }

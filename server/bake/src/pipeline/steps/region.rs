@@ -11,8 +11,8 @@ use crate::hash::short_hex;
 use crate::pipeline::context::{FinishedTiles, TileContext};
 use crate::pipeline::far_land::FarLand;
 use crate::pipeline::hashed::{HashedInput, HashedPartition};
-use crate::pipeline::leaves::LeafBaker;
-use crate::pipeline::parents;
+use crate::pipeline::levels;
+use crate::report::StageClock;
 use crate::scene::Landmark;
 use crate::scene::object_facts::BlockObjectFacts;
 use crate::scene::object_records::ObjectRecords;
@@ -21,7 +21,7 @@ use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial}
 use crate::scene::texture_store::{TextureFacts, TextureStore, texture_path};
 use crate::scene::triangle_store::TriangleStore;
 use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::PackReader;
+use crate::write::tile_pack::{PackReader, StoredTile};
 use insula_protocol::TileId;
 use insula_protocol::codec::bincode;
 use insula_scratch::record_list::RecordList;
@@ -88,8 +88,8 @@ impl BakeSteps<'_> {
         let folder = scratch_folder()?;
         let packs = folder.path().join("packs");
         fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
-        let mut city = self.region_scene(plan, bundles, folder.path())?;
-        let (tiles, partition) = self.bake_region(plan, region, &mut city, folder.path(), &packs)?;
+        let city = self.region_scene(plan, bundles, folder.path())?;
+        let (tiles, partition) = self.bake_region(plan, region, city, folder.path(), &packs)?;
         let mut reader = PackReader::new(&packs);
         let root = tiles.tree.level(plan.region_level).first();
         let root_points = root.map(|root| reader.read_points(root)).transpose()?.unwrap_or_default();
@@ -105,32 +105,28 @@ impl BakeSteps<'_> {
         &self,
         plan: &CityPlan,
         region: usize,
-        city: &mut ScratchScene,
+        mut city: ScratchScene,
         folder: &Path,
         packs: &Path,
     ) -> Result<(FinishedTiles, HashedPartition), BakeError> {
         let (grid, config, progress) = (&plan.grid, &self.config, self.progress);
         let square = plan.square(region).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
         let budget = ScratchBudget::new(config.options.scratch_bytes);
-        let input = HashedInput { city, grid, config, budget: &budget };
+        let input = HashedInput { city: &city, grid, config, budget: &budget };
         progress.stage("partition", city.triangles);
         let partition = HashedPartition::new(input, &folder.join("buckets"), square, |n| progress.advance(n))?;
         city.drop_triangles();
-        let context = TileContext { config, grid, packs, progress, previous: None, plane_m: plan.plane_m };
-        let mut tiles = FinishedTiles::new(&context);
-        let pool = config.thread_pool()?;
-        let baker = LeafBaker { context: &context, city, partition: &partition.partition };
-        tiles.add_level(grid.depth, baker.bake_all(&pool, &partition.hashes)?);
+        let (pool, plane_m, top) = (&config.thread_pool()?, plan.plane_m, plan.region_level);
+        let context = TileContext { config, grid, pool, packs, progress, previous: None, plane_m };
         let models = self.land(plan)?;
-        let root = plan.regions.get(region).and_then(|[x, y]| TileId::new(plan.region_level, *x, *y));
-        let land = models.as_ref().zip(root).map(|(models, root)| {
-            let leaves = tiles.tree.level(grid.depth).iter().map(|leaf| leaf.id);
+        let root = plan.regions.get(region).and_then(|[x, y]| TileId::new(top, *x, *y));
+        let land = |leaves: &[StoredTile]| {
             // That of the root's own level is the crown's, which knows the regions around.
-            FarLand::within(models, plan.facts.origin, grid, leaves, root, plan.region_level + 1..=grid.depth)
-        });
-        for level in (plan.region_level..grid.depth).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles, land.as_ref(), level)?);
-        }
+            let (nodes, levels) = (leaves.iter().map(|leaf| leaf.id), top + 1..=grid.depth);
+            let around = models.as_ref().zip(root);
+            Ok(around.map(|(models, root)| FarLand::within(models, plan.facts.origin, grid, nodes, root, levels)))
+        };
+        let tiles = levels::bake(&context, &mut StageClock::new(), city, &partition, top, land)?;
         Ok((tiles, partition))
     }
 
