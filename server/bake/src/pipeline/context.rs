@@ -10,8 +10,7 @@ use crate::hash::ShortHash;
 use crate::progress::Progress;
 use crate::report::{PackCounts, PackOutcome};
 use crate::scene::grid::CityGrid;
-use crate::write::mesh_pack::StoredMesh;
-use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
+use crate::write::tile_pack::{EncodedTile, PackId, StoredPack, StoredTile};
 use crate::write::tile_tree::{TileTree, round_outward, z_bounds};
 use insula_protocol::BlockMap;
 use insula_protocol::subtree::NodeDeviation;
@@ -38,9 +37,7 @@ pub(super) struct FinishedPack {
     pub(super) id: PackId,
     /// Hash of what it is made from, if that is known.
     pub(super) input: Option<ShortHash>,
-    pub(super) tiles: Vec<StoredTile>,
-    /// Empty for parents.
-    pub(super) meshes: Vec<StoredMesh>,
+    pub(super) stored: StoredPack,
     pub(super) outcome: PackOutcome,
 }
 
@@ -64,8 +61,8 @@ impl FinishedTiles {
             if let Some(input) = pack.input {
                 self.inputs.set(pack.id, input);
             }
-            tiles.extend(pack.tiles);
-            meshes.extend(pack.meshes);
+            tiles.extend(pack.stored.tiles);
+            meshes.extend(pack.stored.meshes);
         }
         self.tree.set(level, tiles);
         if !meshes.is_empty() {

@@ -15,7 +15,7 @@ use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
 use crate::write::city::{self, CityInput, SceneFacts};
 use crate::write::scratch_folder::ScratchFolder;
 use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::{self, PackId, PackNodes, StoredTile};
+use crate::write::tile_pack::{self, EncodedPack, PackId, PackNodes, StoredTile};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::{BlockMap, Manifest, TileId};
 use std::path::Path;
@@ -126,8 +126,11 @@ impl PackBaker<'_> {
                 None => return Err(BakeError::Scratch { path: self.packs.to_owned() }),
             }
         }
+        if tiles.is_empty() {
+            return Ok(Vec::new());
+        }
         // No bake continues it, so nothing says what the pack is made from.
-        let input = Default::default();
-        if tiles.is_empty() { Ok(Vec::new()) } else { tile_pack::write(self.packs, group.pack, input, &tiles) }
+        let (input, content) = (Default::default(), EncodedPack { tiles, meshes: Vec::new() });
+        Ok(tile_pack::write(self.packs, group.pack, input, &content)?.tiles)
     }
 }

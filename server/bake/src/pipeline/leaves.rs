@@ -15,19 +15,11 @@ use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
 use crate::scene::partition::{LeafBlock, Partition};
 use crate::scene::scratch_scene::ScratchScene;
-use crate::write::mesh_pack::{LeafMesh, StoredMesh};
-use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
-use crate::write::{mesh_pack, tile_pack};
+use crate::write::tile_pack::{self, EncodedPack, LeafMesh, PackId};
 use insula_protocol::{BlockMap, TileId};
 use insula_source::subject;
 use rayon::prelude::*;
 use std::cmp::Reverse;
-
-/// The tiles and meshes of a block.
-pub(super) struct BlockTiles {
-    pub(super) tiles: Vec<EncodedTile>,
-    meshes: Vec<LeafMesh>,
-}
 
 /// Bakes the leaves of a city.
 pub(super) struct LeafBaker<'a> {
@@ -59,50 +51,32 @@ impl LeafBaker<'_> {
 
     /// Bakes one block, unless an interrupted bake finished it or the city to update has it.
     fn bake_block(&self, block: &LeafBlock, fingerprint: ShortHash) -> Result<FinishedPack, BakeError> {
-        let TileContext { grid, packs, progress, config, .. } = *self.context;
-        let pack = self.pack(block);
+        let TileContext { grid, packs, progress, previous, .. } = *self.context;
+        let (pack, input) = (self.pack(block), Some(fingerprint));
         subject::set(format_args!("block of leaves {}/{}/{}", grid.depth, block.x, block.y));
         let leaves = self.partition.leaves(block);
-        let (tiles, meshes, outcome) = if let Some((tiles, meshes)) = self.find(pack, fingerprint) {
-            (tiles, meshes, PackOutcome::Resumed)
-        } else {
-            let (outcome, block) = match self.unchanged(pack, fingerprint, &leaves) {
-                Some(reused) => (PackOutcome::Unchanged, reused),
-                None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
-            };
-            // Written before the tiles: a resumed bake that finds the tiles also finds the meshes.
-            let meshes = match config.options.meshes {
-                true => mesh_pack::write(packs, pack, fingerprint, &block.meshes)?,
-                false => Vec::new(),
-            };
-            (tile_pack::write(packs, pack, fingerprint, &block.tiles)?, meshes, outcome)
-        };
-        match outcome {
-            PackOutcome::Baked => progress.advance(leaves.len() as u64),
-            PackOutcome::Resumed | PackOutcome::Unchanged => progress.skip(leaves.len() as u64),
+        if let Some(stored) = tile_pack::find(packs, pack, fingerprint) {
+            progress.skip(leaves.len() as u64);
+            return Ok(FinishedPack { id: pack, input, stored, outcome: PackOutcome::Resumed });
         }
-        Ok(FinishedPack { id: pack, input: Some(fingerprint), tiles, meshes, outcome })
-    }
-
-    /// What an interrupted bake made from the same input.
-    fn find(&self, pack: PackId, input: ShortHash) -> Option<(Vec<StoredTile>, Vec<StoredMesh>)> {
-        let TileContext { config, packs, .. } = *self.context;
-        let tiles = tile_pack::find(packs, pack, input)?;
-        let meshes = if config.options.meshes { mesh_pack::find(packs, pack, input)? } else { Vec::new() };
-        Some((tiles, meshes))
-    }
-
-    /// What the city to update has of the same input.
-    fn unchanged(&self, pack: PackId, input: ShortHash, leaves: &[TileId]) -> Option<BlockTiles> {
-        let previous = self.context.previous.filter(|previous| previous.has_block(pack, input))?;
-        Some(BlockTiles { tiles: previous.leaves(leaves)?, meshes: previous.meshes(leaves)? })
+        let (outcome, content) = match previous.and_then(|previous| previous.block(pack, fingerprint, &leaves)) {
+            Some(reused) => (PackOutcome::Unchanged, reused),
+            None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
+        };
+        let stored = tile_pack::write(packs, pack, fingerprint, &content)?;
+        if outcome == PackOutcome::Baked {
+            progress.advance(leaves.len() as u64);
+        } else {
+            progress.skip(leaves.len() as u64);
+        }
+        Ok(FinishedPack { id: pack, input, stored, outcome })
     }
 
     fn pack(&self, block: &LeafBlock) -> PackId {
         PackId { level: self.context.grid.depth, y: block.y, x: block.x }
     }
 
-    fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {
+    fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<EncodedPack, BakeError> {
         let TileContext { grid, config, .. } = *self.context;
         let scene = BlockScene::load(self.partition, self.city, block, grid)?.into_scene(self.city)?;
         let grid = grid.around_block([block.x, block.y]);
@@ -119,7 +93,7 @@ pub(super) fn encode_leaves(
     sample: &SampleSettings,
     leaves: &[TileId],
     has_meshes: bool,
-) -> Result<BlockTiles, BakeError> {
+) -> Result<EncodedPack, BakeError> {
     let thin = scene.with_thin_landmarks();
     let sampled = thin.as_ref().unwrap_or(&scene);
     let triangles: Vec<u32> = (0..sampled.triangles.len() as u32).collect();
@@ -146,5 +120,5 @@ pub(super) fn encode_leaves(
     };
     let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
     let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;
-    Ok(BlockTiles { tiles, meshes })
+    Ok(EncodedPack { tiles, meshes })
 }

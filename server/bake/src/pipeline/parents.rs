@@ -8,7 +8,7 @@ use crate::columns::voxels::VoxelNode;
 use crate::columns::{coarser, downsample};
 use crate::error::BakeError;
 use crate::report::PackOutcome;
-use crate::write::tile_pack::{self, EncodedTile, PackNodes, PackReader};
+use crate::write::tile_pack::{self, EncodedPack, EncodedTile, PackNodes, PackReader};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::subtree::NodeDeviation;
 use insula_protocol::{BlockMap, TileId};
@@ -44,11 +44,11 @@ fn bake_pack(
         Some(land) => Some(land.input(context.config, context.grid)),
         None => inputs.of_parent(id),
     };
-    let (id, meshes) = (pack.pack, Vec::new());
+    let id = pack.pack;
     let input = inputs.of_parents(pack.nodes.iter().map(|id| (*id, input_of(*id))));
-    if let Some(tiles) = input.and_then(|input| tile_pack::find(context.packs, id, input)) {
+    if let Some(stored) = input.and_then(|input| tile_pack::find(context.packs, id, input)) {
         context.progress.skip(pack.nodes.len() as u64);
-        return Ok(FinishedPack { id, input, tiles, meshes, outcome: PackOutcome::Resumed });
+        return Ok(FinishedPack { id, input, stored, outcome: PackOutcome::Resumed });
     }
     let baked = pack.nodes.par_iter().map(|id| {
         if let Some(land) = land_of(*id) {
@@ -76,10 +76,11 @@ fn bake_pack(
     let baked: Vec<Option<(EncodedTile, bool)>> = baked.collect::<Result<_, _>>()?;
     let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.into_iter().flatten().unzip();
     // Without a known input, it is never looked for.
-    let tiles = tile_pack::write(context.packs, id, input.unwrap_or_default(), &tiles)?;
+    let content = EncodedPack { tiles, meshes: Vec::new() };
+    let stored = tile_pack::write(context.packs, id, input.unwrap_or_default(), &content)?;
     let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);
     let outcome = if all_unchanged { PackOutcome::Unchanged } else { PackOutcome::Baked };
-    Ok(FinishedPack { id, input, tiles, meshes, outcome })
+    Ok(FinishedPack { id, input, stored, outcome })
 }
 
 /// Makes a node from its children. `points` are those of its leaves.

@@ -8,8 +8,7 @@ use crate::mesh::EncodedLod;
 use crate::scene::object_numbers::IdentityKey;
 use crate::scene::scratch_scene::hash_of_id;
 use crate::write::fingerprints::Fingerprints;
-use crate::write::mesh_pack::LeafMesh;
-use crate::write::tile_pack::{EncodedTile, PackId};
+use crate::write::tile_pack::{EncodedPack, EncodedTile, LeafMesh, PackId};
 use insula_archive::BakedCity;
 use insula_archive::city::{MANIFEST_FILE, content_version};
 use insula_objects::block::ObjectBlock;
@@ -24,7 +23,7 @@ use std::path::Path;
 /// A city of an earlier bake.
 pub(super) struct PreviousCity {
     inputs: PackInputs,
-    nodes: PreviousNodes,
+    nodes: BTreeMap<TileId, PreviousNode>,
     city: BakedCity,
 }
 
@@ -49,8 +48,8 @@ impl PreviousCity {
             return Err("its fingerprints.bin belongs to another city".to_owned());
         }
         let nodes = read_nodes(&city).ok_or("its subtrees are damaged")?;
-        let all = nodes.heights.keys().copied();
-        let inputs = PackInputs::of_city(plane_m, city.manifest().depth, fingerprints.blocks, all);
+        let (depth, all) = (city.manifest().depth, nodes.keys().copied());
+        let inputs = PackInputs::of_city(plane_m, depth, fingerprints.blocks, all);
         Ok(Self { inputs, nodes, city })
     }
 
@@ -92,18 +91,25 @@ impl PreviousCity {
         self.inputs.of_pack(block) == Some(input)
     }
 
-    fn has_node(&self, id: TileId) -> bool {
-        self.nodes.heights.contains_key(&id)
-    }
-
     /// A parent's tile without points; `None` if it was made from another input, which may be unknown, or is damaged.
     pub(super) fn parent(&self, id: TileId, input: Option<ShortHash>) -> Option<EncodedTile> {
         if self.inputs.of_parent(id) == Some(input?) { self.tile(id) } else { None }
     }
 
+    /// Those of a block's leaves that exist, with their points and meshes; `None` if the block was made from another input, or is damaged.
+    pub(super) fn block(&self, block: PackId, input: ShortHash, leaves: &[TileId]) -> Option<EncodedPack> {
+        let mut content = self.has_block(block, input).then(EncodedPack::default)?;
+        for id in leaves.iter().copied().filter(|id| self.nodes.contains_key(id)) {
+            let tile = self.tile(id)?;
+            let points = deviation::leaf_points(&BlockMap::decode(id, &tile.bytes).ok()?);
+            content.tiles.push(EncodedTile { points, ..tile });
+            content.meshes.push(self.mesh(id)?);
+        }
+        Some(content)
+    }
+
     fn tile(&self, id: TileId) -> Option<EncodedTile> {
-        let [z_min_m, z_max_m] = *self.nodes.heights.get(&id)?;
-        let deviation = *self.nodes.deviations.get(&id)?;
+        let PreviousNode { z_m: [z_min_m, z_max_m], deviation, .. } = *self.nodes.get(&id)?;
         let bytes = tile_bytes(&self.city, TileKind::BlockMap, id)?;
         let is_valid = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
         // A parent is reused with all of its children, so it was not drawn instead of them.
@@ -111,28 +117,14 @@ impl PreviousCity {
         is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, deviation, points: Vec::new(), bytes, shows_children })
     }
 
-    /// The tiles of those of the leaves that exist, with their points; `None` if one is damaged.
-    pub(super) fn leaves(&self, ids: &[TileId]) -> Option<Vec<EncodedTile>> {
-        let leaf = |id: &TileId| {
-            let tile = self.tile(*id)?;
-            let points = deviation::leaf_points(&BlockMap::decode(*id, &tile.bytes).ok()?);
-            Some(EncodedTile { points, ..tile })
-        };
-        ids.iter().filter(|id| self.has_node(**id)).map(leaf).collect()
-    }
-
-    /// The meshes of those of the nodes that exist; `None` if one is damaged.
-    pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
-        let load_lod = |id: TileId, lod: u8, info: &MeshLod| {
+    fn mesh(&self, id: TileId) -> Option<LeafMesh> {
+        let load = |(lod, info): (u8, &MeshLod)| {
             let bytes = tile_bytes(&self.city, TileKind::Mesh, mesh_tile::archive_id(id, lod)?)?;
             let is_valid = TileReader::new(&bytes, TileKind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             is_valid.then_some(EncodedLod { info: *info, bytes })
         };
-        let load_leaf = |id: &TileId| {
-            let lods = (0..).zip(self.nodes.lods.get(id).into_iter().flatten());
-            Some(LeafMesh { id: *id, lods: lods.map(|(lod, info)| load_lod(*id, lod, info)).collect::<Option<_>>()? })
-        };
-        ids.iter().filter(|id| self.has_node(**id)).map(load_leaf).collect()
+        let lods = (0..).zip(&self.nodes.get(&id)?.lods).map(load).collect::<Option<_>>()?;
+        Some(LeafMesh { id, lods })
     }
 }
 
@@ -140,31 +132,35 @@ fn tile_bytes(city: &BakedCity, kind: TileKind, id: TileId) -> Option<Vec<u8>> {
     city.tile(kind, id).ok()?.map(Vec::from)
 }
 
-/// What the subtrees say of all nodes.
-#[derive(Default)]
-struct PreviousNodes {
-    /// Lowest and highest point of every node, in metres above the city's origin.
-    heights: BTreeMap<TileId, [f32; 2]>,
-    deviations: BTreeMap<TileId, NodeDeviation>,
-    /// Levels of detail of the leaves' meshes.
-    lods: BTreeMap<TileId, Vec<MeshLod>>,
+/// What the subtrees say of a node.
+struct PreviousNode {
+    /// Its lowest and highest point, in metres above the city's origin.
+    z_m: [f32; 2],
+    deviation: NodeDeviation,
+    /// Levels of detail of a leaf's mesh.
+    lods: Vec<MeshLod>,
 }
 
 /// Reads all nodes, beginning at the root's subtree. `None` if a subtree is missing or damaged.
-fn read_nodes(city: &BakedCity) -> Option<PreviousNodes> {
-    let mut nodes = PreviousNodes::default();
+fn read_nodes(city: &BakedCity) -> Option<BTreeMap<TileId, PreviousNode>> {
+    let mut all = BTreeMap::new();
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {
-        let subtree = Subtree::decode(&tile_bytes(city, TileKind::Subtree, root)?).ok()?;
-        nodes.lods.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
-        let ids = subtree.nodes.iter().map(|node| node.id);
-        nodes.deviations.extend(ids.zip(subtree.deviations));
-        for node in subtree.nodes {
-            nodes.heights.insert(node.id, [node.z_min_m, node.z_max_m]);
+        let Subtree { nodes, meshes, deviations } =
+            Subtree::decode(&tile_bytes(city, TileKind::Subtree, root)?).ok()?;
+        if deviations.len() != nodes.len() {
+            return None;
+        }
+        for (node, deviation) in nodes.into_iter().zip(deviations) {
+            let z_m = [node.z_min_m, node.z_max_m];
+            all.insert(node.id, PreviousNode { z_m, deviation, lods: Vec::new() });
             if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {
                 roots.push(node.id);
             }
         }
+        for mesh in meshes {
+            all.get_mut(&mesh.id)?.lods = mesh.lods;
+        }
     }
-    Some(nodes)
+    Some(all)
 }

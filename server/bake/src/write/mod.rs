@@ -2,8 +2,8 @@
 //!
 //! A city folder has `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles`, `fingerprints.bin` and `thumbnail.jpg`, and
 //! `meshes.pmtiles`, `objects.pmtiles`, `search.index` and `visibility.pmtiles` if it has meshes, objects, texts of objects and
-//! visibility. Until the final rename everything is in `CITY.partial` (`scratch_folder`): finished tiles in packs (`tile_pack`,
-//! `mesh_pack`), so that an interrupted bake can continue, then the final files (`archive`, `city`).
+//! visibility. Until the final rename everything is in `CITY.partial` (`scratch_folder`): finished tiles in packs (`tile_pack`),
+//! so that an interrupted bake can continue, then the final files (`archive`, `city`).
 
 pub(crate) mod archive;
 mod attributions;
@@ -13,7 +13,6 @@ pub(crate) mod fingerprints;
 mod focus;
 mod known_sources;
 mod location;
-pub(crate) mod mesh_pack;
 pub(crate) mod objects;
 pub(crate) mod ownership;
 pub(crate) mod scratch_folder;

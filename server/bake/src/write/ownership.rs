@@ -49,6 +49,7 @@ fn in_published_city(name: &str, kind: fs::FileType) -> bool {
 }
 
 fn in_packs(name: &str, kind: fs::FileType) -> bool {
+    // Earlier versions of the program kept meshes apart.
     kind.is_file() && is_numbered(name.strip_prefix("m-").unwrap_or(name), 3, &["pack", "tmp"])
 }
 

@@ -1,7 +1,6 @@
 //! The bytes of finished tiles, wherever they are.
 
-use super::mesh_pack::{self, StoredMesh};
-use super::tile_pack::{PackReader, StoredTile};
+use super::tile_pack::{PackReader, StoredMesh, StoredTile};
 use crate::error::BakeError;
 use std::path::Path;
 
@@ -14,23 +13,20 @@ pub(crate) trait TileContent {
 }
 
 /// Tiles in a folder of packs.
-pub(crate) struct PackedTiles<'a> {
-    folder: &'a Path,
-    reader: PackReader<'a>,
-}
+pub(crate) struct PackedTiles<'a>(PackReader<'a>);
 
 impl<'a> PackedTiles<'a> {
     pub(crate) fn new(folder: &'a Path) -> Self {
-        Self { folder, reader: PackReader::new(folder) }
+        Self(PackReader::new(folder))
     }
 }
 
 impl TileContent for PackedTiles<'_> {
     fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
-        self.reader.read(stored)
+        self.0.read(stored)
     }
 
     fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
-        mesh_pack::read(self.folder, stored)
+        self.0.read_mesh(stored)
     }
 }

@@ -3,8 +3,7 @@
 //! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs. A node's error is half the
 //! diagonal of its voxel, which also bounds the size of what it colours, or what was measured, if that is more.
 
-use super::mesh_pack::StoredMesh;
-use super::tile_pack::{PackId, StoredTile};
+use super::tile_pack::{PackId, StoredMesh, StoredTile};
 use crate::error::BakeError;
 use crate::hash::ShortHash;
 use crate::scene::grid::CityGrid;
@@ -211,7 +210,7 @@ pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::tile_pack::{self, EncodedTile};
+    use crate::write::tile_pack::{self, EncodedPack, EncodedTile};
     use insula_protocol::Texel;
     use insula_protocol::blockmap::MapColumn;
 
@@ -240,7 +239,8 @@ mod tests {
             let packs = groups.iter().flat_map(|group| {
                 let of_pack: Vec<EncodedTile> =
                     tiles.iter().filter(|tile| group.nodes.contains(&tile.id)).cloned().collect();
-                tile_pack::write(&folder.path, group.pack, [0; 16], &of_pack).unwrap()
+                let content = EncodedPack { tiles: of_pack, meshes: Vec::new() };
+                tile_pack::write(&folder.path, group.pack, [0; 16], &content).unwrap().tiles
             });
             tree.set(level, packs.collect());
         }

@@ -12,7 +12,7 @@ use crate::pipeline::far_land::FarLand;
 use crate::pipeline::levels;
 use crate::report::StageClock;
 use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::{self, EncodedTile, PackNodes, StoredTile};
+use crate::write::tile_pack::{self, EncodedPack, EncodedTile, PackNodes, StoredTile};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::TileId;
 use std::collections::HashSet;
@@ -52,8 +52,9 @@ impl BakeSteps<'_> {
         let by_id: std::collections::HashMap<_, _> = roots.iter().map(|root| (root.id, root)).collect();
         let mut stored: Vec<StoredTile> = Vec::with_capacity(roots.len());
         for PackNodes { pack, nodes } in PackNodes::group(roots.iter().map(|root| root.id).collect()) {
-            let of_pack: Vec<EncodedTile> = nodes.iter().filter_map(|id| by_id.get(id).copied().cloned()).collect();
-            stored.extend(tile_pack::write(&packs, pack, ShortHash::default(), &of_pack)?);
+            let tiles = nodes.iter().filter_map(|id| by_id.get(id).copied().cloned()).collect();
+            let content = EncodedPack { tiles, meshes: Vec::new() };
+            stored.extend(tile_pack::write(&packs, pack, ShortHash::default(), &content)?.tiles);
         }
         drop(by_id);
         drop(roots);
