@@ -31,7 +31,7 @@ use insula_protocol::NODE_CELLS;
 use insula_protocol::blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL};
 use insula_read_ground::relax::{Bounds, smooth_field};
 use mesh::HeightRange;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Increased whenever the same city would get another ground.
 pub const ALGORITHM: u32 = 8;
@@ -71,7 +71,7 @@ pub enum GroundOption {
 }
 
 /// The generated ground of a city.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroundReport {
     /// Always true; distinguishes it from terrain of the sources.
     pub generated: bool,

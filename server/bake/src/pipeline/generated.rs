@@ -14,8 +14,7 @@ use crate::read::ReadReport;
 use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
 use crate::write::city::{self, CityInput, SceneFacts};
 use crate::write::scratch_folder::ScratchFolder;
-use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::{self, EncodedPack, PackId, PackNodes, StoredTile};
+use crate::write::tile_pack::{self, EncodedPack, PackId, PackNodes, PackReader, StoredTile};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::{BlockMap, Manifest, TileId};
 use std::path::Path;
@@ -86,7 +85,7 @@ pub fn bake_generated(
     let (objects, base) = (None, None);
     let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, fingerprints, objects, base };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
-    let written = city::write(input, &mut PackedTiles::new(&packs), &scratch.city(), progress)?;
+    let written = city::write(input, &mut PackReader::new(&packs), &scratch.city(), progress)?;
     scratch.publish()?;
     Ok(written.manifest)
 }

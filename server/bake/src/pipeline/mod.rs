@@ -6,6 +6,7 @@
 mod block_scene;
 mod context;
 mod far_land;
+mod frame;
 mod generated;
 mod hashed;
 mod leaves;
@@ -18,7 +19,7 @@ mod work_queue;
 
 use crate::config::{BakeConfig, BakeOptions};
 use crate::error::BakeError;
-use crate::ground::{self, GroundOption, GroundReport};
+use crate::ground;
 use crate::kept_work::scratch_folder;
 use crate::progress::Progress;
 use crate::read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions};
@@ -30,14 +31,14 @@ use crate::scene::object_records::ObjectRecords;
 use crate::scene::partition::BlockSquare;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
-use crate::write::city::{self, CityInput, SceneFacts, WrittenCity};
+use crate::write::city::{self, CityInput, WrittenCity};
 use crate::write::objects::NumberedRecords;
 use crate::write::ownership::{check_inputs, check_place};
 use crate::write::scratch_folder::ScratchFolder;
-use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::StoredTile;
+use crate::write::tile_pack::{PackReader, StoredTile};
 use context::TileContext;
 use far_land::FarLand;
+use frame::CityFrame;
 pub use generated::{GeneratedCity, bake_generated};
 use hashed::{HashedInput, HashedPartition};
 use insula_archive::places::KeptFolder;
@@ -146,30 +147,25 @@ impl<'a> BakeRun<'a> {
         surroundings: Option<&FarModels>,
         read: ReadReport,
     ) -> Result<BakeReport, BakeError> {
-        let Some(bounds) = city.bounds else {
-            return Err(BakeError::Empty { triangles: 0, cell_m: self.config.options.cell_m });
+        let (config, progress, cell_m) = (self.config, self.progress, self.config.options.cell_m);
+        let add_ground = |city: &mut ScratchScene| {
+            progress.stage("ground", 0);
+            self.clock.time("ground", || ground::add(city, cell_m))
         };
-        let mut facts = SceneFacts::new(&city, bounds)?;
-        // Where the land goes on, there are no gaps to fill.
-        let ground = if surroundings.is_some() { None } else { self.ground(&mut city)? };
-        facts.set_ground(ground.as_ref());
-        facts.include_land(surroundings.map(|land| land.z_range_m[0]));
-        let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.options.cell_m)?;
-        let grid = self.grid_of_base(&city, surroundings.is_some()).unwrap_or(grid);
-        let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
-        let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
+        let frame = CityFrame::new(&mut city, surroundings, config, progress, add_ground)?;
+        let CityFrame { facts, ground, grid, plane_m } = frame;
         let previous = self.open_previous(plane_m);
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let mut start = self.prepare_scratch()?;
-        let (config, progress, pool, packs) = (self.config, self.progress, &self.pool, &self.scratch.packs());
+        let (pool, packs) = (&self.pool, &self.scratch.packs());
         let context = TileContext { config, grid: &grid, pool, packs, progress, previous: previous.as_ref(), plane_m };
         let (origin, triangles) = (city.origin, city.triangles as usize);
         let land = |leaves: &[StoredTile]| {
             if leaves.is_empty() {
-                return Err(BakeError::Empty { triangles, cell_m: config.options.cell_m });
+                return Err(BakeError::Empty { triangles, cell_m });
             }
             let (nodes, levels) = (leaves.iter().map(|leaf| leaf.id), 0..=grid.depth);
             Ok(surroundings.map(|land| FarLand::within(land, origin, &grid, nodes, TileId::ROOT, levels)))
@@ -193,26 +189,6 @@ impl<'a> BakeRun<'a> {
             ReportInput { manifest, city_bytes, read, filled_in, ground, grid, threads, start, blocks, meshes },
             clock,
         ))
-    }
-
-    /// The grid of the city with which this one shares tiles, if there is one and its grid covers this one.
-    fn grid_of_base(&self, city: &ScratchScene, has_surroundings: bool) -> Option<CityGrid> {
-        let (base, bounds) = (self.config.base.as_ref()?, city.bounds?);
-        let found = base.grid(city.origin, bounds).filter(|_| !has_surroundings);
-        if found.is_none() && !has_surroundings {
-            let reach = "the city reaches beyond that of --version-of, so they have no tiles in common; bake the larger one first";
-            self.progress.warn(reach);
-        }
-        found
-    }
-
-    /// Adds generated ground to the city, if it is wanted.
-    fn ground(&mut self, city: &mut ScratchScene) -> Result<Option<GroundReport>, BakeError> {
-        if self.config.options.ground == GroundOption::None {
-            return Ok(None);
-        }
-        self.progress.stage("ground", 0);
-        self.clock.time("ground", || ground::add(city, self.config.options.cell_m))
     }
 
     /// Sorts the triangles into blocks and hashes each block's input.
@@ -242,15 +218,13 @@ impl<'a> BakeRun<'a> {
     fn prepare_scratch(&self) -> Result<ResumeStatus, BakeError> {
         let resume = self.config.options.resume;
         let status = self.scratch.prepare(resume)?;
-        let out = self.config.options.out.display();
-        match status {
-            ResumeStatus::Fresh if resume => tracing::info!("{out}: no interrupted bake found, starting a new one"),
-            ResumeStatus::Fresh => {}
-            ResumeStatus::Resumed | ResumeStatus::Mismatch => tracing::info!("{out}: resuming the interrupted bake"),
-            ResumeStatus::Discarded => {
-                tracing::info!("{out}: removed an interrupted bake; --resume would have continued it");
-            }
-        }
+        let what = match status {
+            ResumeStatus::Fresh if resume => "no interrupted bake found, starting a new one",
+            ResumeStatus::Fresh => return Ok(status),
+            ResumeStatus::Resumed | ResumeStatus::Mismatch => "resuming the interrupted bake",
+            ResumeStatus::Discarded => "removed an interrupted bake; --resume would have continued it",
+        };
+        tracing::info!("{}: {what}", self.config.options.out.display());
         Ok(status)
     }
 
@@ -266,7 +240,7 @@ impl<'a> BakeRun<'a> {
             let shares = input.config.base.is_some();
             let base = previous.as_ref().filter(|_| shares).map(PreviousCity::baked);
             let input = CityInput { base, ..input };
-            let written = city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), progress)?;
+            let written = city::write(input, &mut PackReader::new(&scratch.packs()), &scratch.city(), progress)?;
             // Closes the previous city's files: some systems do not rename a folder with open files.
             drop(previous);
             scratch.publish().map(|()| written)

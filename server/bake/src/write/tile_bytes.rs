@@ -2,7 +2,6 @@
 
 use super::tile_pack::{PackReader, StoredMesh, StoredTile};
 use crate::error::BakeError;
-use std::path::Path;
 
 /// Finished tiles and meshes.
 pub(crate) trait TileContent {
@@ -12,21 +11,12 @@ pub(crate) trait TileContent {
     fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError>;
 }
 
-/// Tiles in a folder of packs.
-pub(crate) struct PackedTiles<'a>(PackReader<'a>);
-
-impl<'a> PackedTiles<'a> {
-    pub(crate) fn new(folder: &'a Path) -> Self {
-        Self(PackReader::new(folder))
-    }
-}
-
-impl TileContent for PackedTiles<'_> {
+impl TileContent for PackReader<'_> {
     fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
-        self.0.read(stored)
+        self.read(stored)
     }
 
     fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
-        self.0.read_mesh(stored)
+        self.read_mesh(stored)
     }
 }

@@ -11,8 +11,7 @@ use crate::pipeline::context::{FinishedTiles, TileContext};
 use crate::pipeline::far_land::FarLand;
 use crate::pipeline::levels;
 use crate::report::StageClock;
-use crate::write::tile_bytes::PackedTiles;
-use crate::write::tile_pack::{self, EncodedPack, EncodedTile, PackNodes, StoredTile};
+use crate::write::tile_pack::{self, EncodedPack, EncodedTile, PackNodes, PackReader, StoredTile};
 use crate::write::tile_tree::TileTree;
 use insula_protocol::TileId;
 use std::collections::HashSet;
@@ -65,7 +64,7 @@ impl BakeSteps<'_> {
         (0..plan.region_level).for_each(|level| above.set(level, tiles.tree.level(level).to_vec()));
         let own_roots = tiles.tree.level(plan.region_level).iter().filter(|tile| own.contains(&tile.id));
         above.set(plan.region_level, own_roots.cloned().collect());
-        let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
+        let (bytes, path) = (&mut PackReader::new(&packs), folder.path().join("tiles"));
         region_file::write(objects, FOLDER, &above, 0..=plan.region_level, bytes, TileIndex::default(), &path).map(drop)
     }
 

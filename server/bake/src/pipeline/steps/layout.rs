@@ -1,6 +1,5 @@
 //! What the plan decides: the grid and its regions, and what becomes of each object.
 
-use crate::ground::GroundReport;
 use crate::hash::ShortHash;
 use crate::read::LandFacts;
 use crate::scene::ObjectKind;
@@ -65,7 +64,6 @@ pub(super) fn rows_name(part: usize) -> String {
 pub(super) struct CityPlan {
     pub(super) grid: CityGrid,
     pub(super) facts: SceneFacts,
-    pub(super) ground: Option<GroundReport>,
     /// Height of the plane above the grid's height zero, if generated ground ends at it.
     pub(super) plane_m: Option<f32>,
     /// The land around the city.

@@ -9,10 +9,10 @@ use super::layout::{
 use super::scan::{fetch, picture_name, put_file, scratch_folder, shapes_name, triangles_name};
 use super::sealed::SealedStore;
 use crate::error::BakeError;
-use crate::ground::{self, GroundOption, GroundReport};
+use crate::ground;
 use crate::hash::ShortHash;
 use crate::pipeline::far_land::MAX_CELL_M;
-use crate::pipeline::hashed::city_grid;
+use crate::pipeline::frame::CityFrame;
 use crate::read::{LandFacts, PartsCity, RECORDS, SceneParts};
 use crate::scene::grid::{BLOCK_LEAVES, CityGrid};
 use crate::scene::object_numbers::{IdentityKey, NumberedObject, ObjectNumbers};
@@ -20,7 +20,6 @@ use crate::scene::partition::{on_lattice, touched_blocks};
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredObject};
 use crate::scene::texture_store::texture_path;
 use crate::scene::{Landmark, ObjectKind, triangle_store};
-use crate::write::city::SceneFacts;
 use insula_protocol::TileId;
 use insula_scratch::record_list::RecordList;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -50,18 +49,9 @@ impl BakeSteps<'_> {
         report.warnings().for_each(|warning| self.progress.warn(&warning));
         let cell_m = self.config.options.cell_m;
         let empty = BakeError::Empty { triangles: 0, cell_m };
-        let Some(bounds) = city.bounds else { return Err(empty) };
-        let mut facts = SceneFacts::new(&city, bounds)?;
-        let ground = match self.config.options.ground {
-            // Where the land goes on, there are no gaps to fill.
-            _ if surroundings.is_some() => None,
-            GroundOption::None => None,
-            GroundOption::Auto => ground::add(&mut city, cell_m)?,
-        };
-        facts.set_ground(ground.as_ref());
-        let land = surroundings.as_ref();
-        facts.include_land(land.map(|land| land.z_range_m[0]));
-        let grid = city_grid(&city, city.bounds.unwrap_or(bounds), land, cell_m)?;
+        let (land, add_ground) = (surroundings.as_ref(), |city: &mut ScratchScene| ground::add(city, cell_m));
+        let frame = CityFrame::new(&mut city, land, &self.config, self.progress, add_ground)?;
+        let CityFrame { facts, grid, plane_m, .. } = frame;
         let land = surroundings.map(|land| land.facts());
         let numbers = ObjectNumbers::new(&city, &grid, &self.known_numbers()?)?;
         let region_level = grid.depth.saturating_sub(self.region_leaves().ilog2() as u8);
@@ -95,11 +85,8 @@ impl BakeSteps<'_> {
         self.write_rows(&numbers.rows)?;
         self.write_numbers(&city, &numbers)?;
         objects.write(REPORT, REPORT_KIND, &report)?;
-        let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
-        let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let (chunks, rows) = (first_objects.len(), numbers.rows.len());
-        let plan =
-            CityPlan { grid, facts, ground, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
+        let plan = CityPlan { grid, facts, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
         objects.write(PLAN, PLAN_KIND, &plan)
     }
 

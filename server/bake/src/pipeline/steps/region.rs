@@ -20,7 +20,6 @@ use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial};
 use crate::scene::texture_store::{TextureFacts, TextureStore, texture_path};
 use crate::scene::triangle_store::TriangleStore;
-use crate::write::tile_bytes::PackedTiles;
 use crate::write::tile_pack::{PackReader, StoredTile};
 use insula_protocol::TileId;
 use insula_protocol::codec::bincode;
@@ -95,9 +94,8 @@ impl BakeSteps<'_> {
         let root_points = root.map(|root| reader.read_points(root)).transpose()?.unwrap_or_default();
         let fingerprints = partition.fingerprints();
         let index = TileIndex { fingerprints, root_points, ..TileIndex::default() };
-        let levels = plan.region_level..=plan.grid.depth;
-        let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
-        region_file::write(objects, name, &tiles.tree, levels, bytes, index, &path)
+        let (levels, path) = (plan.region_level..=plan.grid.depth, folder.path().join("tiles"));
+        region_file::write(objects, name, &tiles.tree, levels, &mut reader, index, &path)
     }
 
     /// Bakes the scene of a region into packs.
