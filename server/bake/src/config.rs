@@ -74,7 +74,7 @@ pub struct BakeOptions {
     pub version_of: Option<PathBuf>,
     /// Day of which the city is, as in `2024-01-31`.
     pub date: Option<String>,
-    /// Continue an interrupted bake of the same input with the same settings.
+    /// Continue an interrupted bake: what it made from the same input and settings is not baked again.
     pub resume: bool,
     /// How the inputs are read. The bake sets the size of cells, the level ground, the dropped attributes, and limits by its memory.
     pub read: ReadOptions,

@@ -6,7 +6,7 @@ use insula_protocol::TileId;
 use std::collections::HashMap;
 
 /// The hash of the input of each pack of a city: of a block of leaves its fingerprint, of parents that of the packs of their children.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct PackInputs {
     /// Height of the plane at which generated ground ends, on which parents depend.
     plane_m: Option<f32>,

@@ -75,8 +75,8 @@ fn bake_pack(
     });
     let baked: Vec<Option<(EncodedTile, bool)>> = baked.collect::<Result<_, _>>()?;
     let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.into_iter().flatten().unzip();
-    // Without a known input, it is never looked for.
     let content = EncodedPack { tiles, meshes: Vec::new() };
+    // Without a known input, it is never looked for.
     let stored = tile_pack::write(context.packs, id, input.unwrap_or_default(), &content)?;
     let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);
     let outcome = if all_unchanged { PackOutcome::Unchanged } else { PackOutcome::Baked };
