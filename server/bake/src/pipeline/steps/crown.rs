@@ -22,12 +22,9 @@ pub(super) const FOLDER: &str = "crown";
 
 impl BakeSteps<'_> {
     /// Bakes the levels above the regions. Fails if a region is not baked.
-    pub fn crown(&self) -> Result<(), BakeError> {
+    pub(super) fn crown(&self) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         let objects = self.objects();
-        if objects.has(&index_name(FOLDER))? {
-            return Ok(());
-        }
         let folder = scratch_folder()?;
         let packs = folder.path().join("packs");
         fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;

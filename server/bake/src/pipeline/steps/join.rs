@@ -90,11 +90,8 @@ struct Receipt {
 
 impl BakeSteps<'_> {
     /// Plans the city's archives from the indexes of all regions, and writes all files that are small beside them. Fails if a step before is missing.
-    pub fn join_plan(&self) -> Result<(), BakeError> {
+    pub(super) fn join_plan(&self) -> Result<(), BakeError> {
         let objects = self.objects();
-        if objects.has(JOIN_PLAN)? {
-            return Ok(());
-        }
         let plan = self.read_plan()?;
         let folder = scratch_folder()?;
         let tiles = self.read_tiles(&plan)?;
@@ -132,7 +129,7 @@ impl BakeSteps<'_> {
     }
 
     /// Copies a part of an archive. Fails if there is no plan.
-    pub fn join_part(&self, part: usize) -> Result<(), BakeError> {
+    pub(super) fn join_part(&self, part: usize) -> Result<(), BakeError> {
         let join_plan: JoinPlan = self.objects().read(JOIN_PLAN, JOIN_KIND)?;
         self.check_task("join-part", part, join_plan.parts)?;
         let objects = self.objects();
@@ -149,11 +146,8 @@ impl BakeSteps<'_> {
     }
 
     /// Completes the archives, then the city, and removes tiles that only the city before had. Fails if a part is missing.
-    pub fn join_finish(&self) -> Result<(), BakeError> {
+    pub(super) fn join_finish(&self) -> Result<(), BakeError> {
         let objects = self.objects();
-        if objects.has(JOINED)? {
-            return Ok(());
-        }
         let join_plan: JoinPlan = objects.read(JOIN_PLAN, JOIN_KIND)?;
         let mut receipts: Vec<Vec<String>> = vec![Vec::new(); join_plan.archives.len()];
         for part in 0..join_plan.parts {

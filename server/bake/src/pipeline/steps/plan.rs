@@ -35,11 +35,8 @@ const MAX_REGIONS: usize = 1 << 22;
 
 impl BakeSteps<'_> {
     /// Plans the city from all scans. Fails if a scan is missing, if the sources give no city, or if it is too wide.
-    pub fn plan(&self) -> Result<(), BakeError> {
+    pub(super) fn plan(&self) -> Result<(), BakeError> {
         let objects = self.objects();
-        if objects.has(PLAN)? {
-            return Ok(());
-        }
         self.progress.stage("plan", 0);
         let folder = scratch_folder()?;
         let parts = self.fetch_parts(folder.path())?;

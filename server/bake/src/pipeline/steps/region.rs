@@ -39,13 +39,10 @@ pub(super) fn folder_name(region: usize) -> String {
 impl BakeSteps<'_> {
     /// Bakes a region, unless a region of the same input is in the store, from another job. Fails if a chunk is not shuffled, or as baking
     /// a city does.
-    pub fn region(&self, region: usize) -> Result<(), BakeError> {
+    pub(super) fn region(&self, region: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("region", region, plan.regions.len())?;
         let (objects, name) = (self.objects(), index_name(&folder_name(region)));
-        if objects.has(&name)? {
-            return Ok(());
-        }
         let bundles = self.bundles(plan.chunks, region)?;
         let input = self.input_hash(&plan, region, &bundles)?;
         let of_input = SealedStore { job: &input, ..objects };

@@ -37,12 +37,9 @@ pub(super) fn picture_name(hash: ShortHash) -> String {
 
 impl BakeSteps<'_> {
     /// Reads a chunk. Fails if its sources cannot be read, or have changed since they were listed.
-    pub fn scan(&self, chunk: usize) -> Result<(), BakeError> {
+    pub(super) fn scan(&self, chunk: usize) -> Result<(), BakeError> {
         self.check_task("scan", chunk, self.chunks().len())?;
         let objects = self.objects();
-        if objects.has(&head_name(chunk))? {
-            return Ok(());
-        }
         let wanted = &self.chunks()[chunk];
         let listed = self.list_inputs()?;
         let range = wanted.first..wanted.first + wanted.bytes.len();

@@ -28,7 +28,7 @@ const BUFFER_BYTES: usize = 16 << 20;
 const STEP: u64 = 1 << 16;
 
 /// Name of the places of a chunk's bundles.
-fn index_name(chunk: usize) -> String {
+pub(super) fn index_name(chunk: usize) -> String {
     format!("shuffle/{chunk}/index")
 }
 
@@ -87,13 +87,10 @@ impl Bundle {
 
 impl BakeSteps<'_> {
     /// Sorts a chunk by region. The last chunk may have the triangles that no scan made. Fails if the plan is missing.
-    pub fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
+    pub(super) fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("shuffle", chunk, plan.chunks)?;
         let objects = self.objects();
-        if objects.has(&index_name(chunk))? {
-            return Ok(());
-        }
         let planned: PlannedChunk = objects.read(&chunk_name(chunk), CHUNK_KIND)?;
         let folder = scratch_folder()?;
         let path = folder.path().join("triangles");

@@ -1,13 +1,14 @@
 //! `tasks`, `status` and `abort`: how much there is to do, what is done, and an end without a city.
 
-use super::crown;
 use super::job::{BakeSteps, JOB};
 use super::join::{CITY, JOIN_PLAN};
 use super::layout::{FOLDERS, JOINED, PLAN};
 use super::owned::OwnedStore;
 use super::region_file::index_name;
+use super::scan::head_name;
 use super::sealed::Removed;
 use super::work::WorkStore;
+use super::{crown, region, shuffle};
 use crate::error::BakeError;
 
 /// A stage of the steps, in their order.
@@ -64,8 +65,11 @@ impl BakeSteps<'_> {
         })
     }
 
-    /// Runs a task of a stage. Fails if there is no such task, or as the stage does.
+    /// Runs a task of a stage, unless its result is there. Fails if there is no such task, or as the stage does.
     pub fn run(&self, stage: BakeStage, task: usize) -> Result<(), BakeError> {
+        if self.has_result(stage, task)? {
+            return Ok(());
+        }
         match stage {
             BakeStage::Scan => self.scan(task),
             BakeStage::Plan => self.plan(),
@@ -76,6 +80,21 @@ impl BakeSteps<'_> {
             BakeStage::JoinPart => self.join_part(task),
             BakeStage::JoinFinish => self.join_finish(),
         }
+    }
+
+    fn has_result(&self, stage: BakeStage, task: usize) -> Result<bool, BakeError> {
+        let name = match stage {
+            BakeStage::Scan => head_name(task),
+            BakeStage::Plan => PLAN.to_owned(),
+            BakeStage::Shuffle => shuffle::index_name(task),
+            BakeStage::Region => index_name(&region::folder_name(task)),
+            BakeStage::Crown => index_name(crown::FOLDER),
+            BakeStage::JoinPlan => JOIN_PLAN.to_owned(),
+            // Its receipt may be that of another upload, which the stage looks at.
+            BakeStage::JoinPart => return Ok(false),
+            BakeStage::JoinFinish => JOINED.to_owned(),
+        };
+        self.objects().has(&name)
     }
 
     /// How many tasks of each stage are done. Fails if the store does not answer.
@@ -89,13 +108,10 @@ impl BakeSteps<'_> {
         let status = |(_, stage): (&str, BakeStage)| {
             let done = match stage {
                 BakeStage::Scan => count("scan", "/head")?,
-                BakeStage::Plan => has_plan.into(),
                 BakeStage::Shuffle => count("shuffle", "/index")?,
                 BakeStage::Region => count("region", "/index")?,
-                BakeStage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
-                BakeStage::JoinPlan => has_join.into(),
                 BakeStage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
-                BakeStage::JoinFinish => objects.has(JOINED)?.into(),
+                _ => self.has_result(stage, 0)?.into(),
             };
             let is_known = match stage {
                 BakeStage::Shuffle | BakeStage::Region => has_plan,
