@@ -26,7 +26,7 @@ use crate::read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOp
 use crate::report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock};
 use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
-use crate::scene::object_numbers::{NumberedObject, ObjectNumbers};
+use crate::scene::object_numbers::ObjectNumbers;
 use crate::scene::object_records::ObjectRecords;
 use crate::scene::partition::BlockSquare;
 use crate::scene::scratch_budget::ScratchBudget;
@@ -43,7 +43,6 @@ pub use generated::{GeneratedCity, bake_generated};
 use hashed::{HashedInput, HashedPartition};
 use insula_archive::places::KeptFolder;
 use insula_protocol::TileId;
-use insula_scratch::record_list::RecordList;
 use rayon::ThreadPool;
 use std::cell::Cell;
 pub use steps::{
@@ -76,19 +75,6 @@ pub fn bake_scene(
     let config = BakeConfig::new(options)?;
     let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, None, read_report);
     bake().map_err(|error| error.of_bake(&config.options.out))
-}
-
-/// Numbers the city's objects, and returns what is known of each number. Fails if what is known of the objects cannot be read or
-/// written.
-fn number_objects(
-    city: &mut ScratchScene,
-    grid: &CityGrid,
-    previous: Option<&PreviousCity>,
-) -> Result<RecordList<Option<NumberedObject>>, BakeError> {
-    let known = previous.map(PreviousCity::object_numbers).unwrap_or_default();
-    let ObjectNumbers { of_object, rows } = ObjectNumbers::new(city, grid, &known)?;
-    city.keep_object_facts(&of_object)?;
-    Ok(rows)
 }
 
 /// The state of a bake that lasts through all stages.
@@ -155,7 +141,12 @@ impl<'a> BakeRun<'a> {
         let frame = CityFrame::new(&mut city, surroundings, config, progress, add_ground)?;
         let CityFrame { facts, ground, grid, plane_m } = frame;
         let previous = self.open_previous(plane_m);
-        let rows = number_objects(&mut city, &grid, previous.as_ref())?;
+        let rows = {
+            let known = previous.as_ref().map(PreviousCity::object_numbers).unwrap_or_default();
+            let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known)?;
+            city.keep_object_facts(&of_object)?;
+            rows
+        };
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
