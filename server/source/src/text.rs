@@ -25,6 +25,8 @@ const DECLARATION_BYTES: u64 = 512;
 /// Bytes of letters of UTF-8 that no other encoding has by chance, and those for each byte of another encoding among them.
 pub const CERTAIN_BYTES: usize = 4;
 const OTHER_BYTES: usize = 9;
+/// Bytes by which the code page of texts is guessed that should be in UTF-8.
+const SAMPLE_BYTES: usize = 1 << 16;
 /// Decoded bytes that are kept ready.
 const CHUNK_BYTES: usize = 1 << 16;
 
@@ -196,9 +198,43 @@ pub fn expected_in_utf8<'t>(bytes: &'t [u8], sink: &mut dyn ObjectSink) -> Cow<'
     }
     let page = likely_encoding(bytes).page;
     let text = page.decode(bytes);
-    let start: String = text.chars().take(64).collect();
-    sink.problem(ENCODING_GUESSED, format!("texts are not in UTF-8, as the format demands; taken as {page}: {start}"));
+    sink.problem(ENCODING_GUESSED, not_in_utf8(&text, page));
     text
+}
+
+/// What to report of a text that a format has in UTF-8, and that is taken in a code page.
+pub fn not_in_utf8(text: &str, page: CodePage) -> String {
+    let start: String = text.chars().take(64).collect();
+    format!("texts are not in UTF-8, as the format demands; taken as {page}: {start}")
+}
+
+/// The code page of those of many texts that are not in UTF-8, as a format demands; `None` if all are.
+pub fn page_of_others<'t>(texts: impl IntoIterator<Item = &'t [u8]>) -> Option<CodePage> {
+    let (mut sample, mut has_others) = (Vec::new(), false);
+    for text in texts {
+        let Err(fault) = std::str::from_utf8(text) else { continue };
+        has_others = true;
+        // A text that ends within a letter tells no other page.
+        if fault.error_len().is_some() && sample.len() < SAMPLE_BYTES {
+            sample.extend_from_slice(&text[..text.len().min(SAMPLE_BYTES)]);
+            sample.push(b'\n');
+        }
+    }
+    let page = if sample.is_empty() { CodePage::UTF8 } else { likely_encoding(&sample).page };
+    has_others.then_some(page)
+}
+
+/// A JSON that a format has in UTF-8. One that is not is in the code page that is likely, with what to report.
+pub fn json_in_utf8(json: &[u8]) -> (Cow<'_, [u8]>, Option<String>) {
+    let Err(fault) = std::str::from_utf8(json) else { return (json.into(), None) };
+    // No letter of any page has this as a part.
+    let is_mark = |byte: &u8| *byte == b'"';
+    let start = json[..fault.valid_up_to()].iter().rposition(is_mark).unwrap_or(0);
+    let sample = &json[start..json.len().min(start.saturating_add(SAMPLE_BYTES))];
+    let end = sample.iter().rposition(is_mark).filter(|end| *end > 0).unwrap_or(sample.len());
+    let page = likely_encoding(&sample[..end]).page;
+    let report = not_in_utf8(&page.decode(&sample[..end]), page);
+    (page.decode(json).into_owned().into_bytes().into(), Some(report))
 }
 
 /// A line of a text that does not tell its encoding. Equal bytes give equal letters.
@@ -368,6 +404,31 @@ mod tests {
         let (russian, ..) = encoding_rs::WINDOWS_1251.encode("usemtl кирпичная стена");
         assert_eq!(decoded_line(&russian), "usemtl кирпичная стена");
         assert!(is_hardly_western(&russian) && !is_hardly_western(western));
+    }
+
+    #[test]
+    fn texts_of_formats_in_utf8_are_in_one_page_if_they_are_not() {
+        let (russian, ..) = encoding_rs::WINDOWS_1251.encode("улица Ленина");
+        let western = CodePage::WESTERN;
+        assert_eq!(page_of_others([&b"a"[..], "Köln".as_bytes()]), None);
+        assert_eq!(page_of_others([&b"a"[..], b"K\xf6ln"]), Some(western));
+        assert_eq!(page_of_others([&*russian]).map(|page| page.to_string()).as_deref(), Some("windows-1251"));
+        // Cut within a letter.
+        assert_eq!(page_of_others([&"Straß".as_bytes()[..5]]), Some(CodePage::UTF8));
+        assert_eq!(page_of_others([&"Straß".as_bytes()[..5], b"K\xf6ln"]), Some(western));
+    }
+
+    #[test]
+    fn a_json_in_another_page_is_taken_as_it_is_likely() {
+        let text = r#"{"n": "a", "m": [{"name": "市役所 \u4e00 表"}, {"b": "東京都庁"}]}"#;
+        assert_eq!(json_in_utf8(text.as_bytes()), (text.as_bytes().into(), None));
+        // Its last byte is that of a backslash.
+        let (bytes, ..) = encoding_rs::SHIFT_JIS.encode(text);
+        let (json, report) = json_in_utf8(&bytes);
+        assert_eq!(std::str::from_utf8(&json), Ok(text));
+        assert!(report.unwrap().contains("Shift_JIS"));
+        let (json, report) = json_in_utf8(b"{\"a\": \"K\xf6ln");
+        assert!(json.ends_with("Köln".as_bytes()) && report.unwrap().contains("windows-1252: \"Köln"));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::schema::Root;
 use super::version1;
 use crate::bytes::u32_at;
 use insula_source::error::InputError;
+use insula_source::text::json_in_utf8;
 
 const GLB_MAGIC: &[u8] = b"glTF";
 const JSON_CHUNK: u32 = 0x4e4f_534a;
@@ -21,8 +22,17 @@ pub(super) fn parse<'a>(label: &str, bytes: &'a [u8]) -> Result<Document<'a>, In
     } else {
         (bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None, 2)
     };
-    let json = trim_padding(json);
-    check_size(label, json)?;
+    let (json, guessed) = json_in_utf8(trim_padding(json));
+    check_size(label, &json)?;
+    Ok(Document { guessed, ..parse_json(label, &json, binary, version)? })
+}
+
+fn parse_json<'a>(
+    label: &str,
+    json: &[u8],
+    binary: Option<&'a [u8]>,
+    version: u32,
+) -> Result<Document<'a>, InputError> {
     if version == 1 {
         return version1::parse(label, json, binary);
     }
@@ -39,7 +49,7 @@ pub(super) fn parse<'a>(label: &str, bytes: &'a [u8]) -> Result<Document<'a>, In
         return Err(InputError::unsupported(label, what));
     }
     check_required(label, &root)?;
-    Ok(Document { root, binary })
+    Ok(Document { root, binary, guessed: None })
 }
 
 /// Fails if JSON has too many objects or values.

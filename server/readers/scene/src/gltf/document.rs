@@ -17,6 +17,8 @@ const KNOWN_PREFIXES: [&str; 4] = ["KHR_materials_", "KHR_lights_", "EXT_lights_
 pub(super) struct Document<'a> {
     pub(super) root: Root,
     pub(super) binary: Option<&'a [u8]>,
+    /// What to report of a JSON that is not in UTF-8.
+    pub(super) guessed: Option<String>,
 }
 
 /// Fails if an extension is required that is not known.

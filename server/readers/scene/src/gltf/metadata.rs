@@ -8,6 +8,8 @@ use super::metadata_schema::{ClassProperty, EnumType, MetadataSchema, Structural
 use super::metadata_values::{NUMBERS, Values};
 use crate::bytes::NumberType;
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::code_page::CodePage;
+use insula_source::problems::ENCODING_GUESSED;
 use serde_json::Value;
 
 const KIND: &str = "property of a table cannot be read";
@@ -85,7 +87,12 @@ pub(super) fn tables(
         };
         for (name, property) in &class.properties {
             match column(name, property, entry, &schema, buffers) {
-                Ok(Some(column)) => table.columns.push(column),
+                Ok(Some(mut column)) => {
+                    if let Some(what) = column.values.as_mut().and_then(Values::settle_page) {
+                        note(Fault::new(ENCODING_GUESSED, what), &format!("table {number}, property {name}"));
+                    }
+                    table.columns.push(column);
+                }
                 Ok(None) => {}
                 Err(fault) => note(fault, &format!("table {number}, property {name}")),
             }
@@ -168,6 +175,7 @@ fn read_values(
         fixed_count: property.count.filter(|_| property.array),
         array_offsets: offsets(found.array_offsets, &found.array_offset_type)?,
         text_offsets: offsets(found.string_offsets, &found.string_offset_type)?,
+        page: CodePage::UTF8,
     };
     values.check(count as usize).map_err(|what| Fault::new(KIND, what))?;
     Ok(values)

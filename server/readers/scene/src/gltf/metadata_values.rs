@@ -2,6 +2,8 @@
 
 use crate::bytes::{Number, NumberType};
 use insula_source::attributes::MAX_ATTRIBUTES;
+use insula_source::code_page::CodePage;
+use insula_source::text::{not_in_utf8, page_of_others};
 use serde_json::Value;
 
 /// Names of the types of numbers.
@@ -37,6 +39,8 @@ pub(super) struct Values {
     pub(super) fixed_count: Option<u32>,
     pub(super) array_offsets: Option<(Vec<u8>, NumberType)>,
     pub(super) text_offsets: Option<(Vec<u8>, NumberType)>,
+    /// That of texts that are not in UTF-8.
+    pub(super) page: CodePage,
 }
 
 impl Values {
@@ -99,9 +103,35 @@ impl Values {
         )
     }
 
+    /// Takes the code page that is likely for texts that are not in UTF-8. Returns what to report of them, if there are any.
+    pub(super) fn settle_page(&mut self) -> Option<String> {
+        self.page = page_of_others(self.texts())?;
+        let is_other = |text: &&[u8]| std::str::from_utf8(text).is_err();
+        let count = self.texts().filter(is_other).count();
+        let first = self.texts().find(is_other).map(|text| self.page.decode(text)).unwrap_or_default();
+        Some(format!("{count} {}", not_in_utf8(&first, self.page)))
+    }
+
+    /// The texts. Of those that share their bytes with others, as many as have twice the bytes together.
+    fn texts(&self) -> impl Iterator<Item = &[u8]> {
+        let offsets = self.text_offsets.as_ref().filter(|_| self.is_text);
+        let count = offsets.map_or(0, |(bytes, number)| (bytes.len() / number.bytes()).saturating_sub(1));
+        let mut bytes_left = self.bytes.len().saturating_mul(2);
+        (0..count).map_while(move |index| {
+            let text = self.text_bytes(index).unwrap_or_default();
+            bytes_left = bytes_left.checked_sub(text.len())?;
+            Some(text)
+        })
+    }
+
     fn text(&self, index: usize) -> Option<String> {
+        let bytes = self.text_bytes(index)?;
+        Some(std::str::from_utf8(bytes).map_or_else(|_| self.page.decode(bytes).into_owned(), str::to_owned))
+    }
+
+    fn text_bytes(&self, index: usize) -> Option<&[u8]> {
         let (bytes, number) = self.text_offsets.as_ref()?;
         let (start, end) = (offset_at(*number, bytes, index)?, offset_at(*number, bytes, index.checked_add(1)?)?);
-        Some(String::from_utf8_lossy(self.bytes.get(start..end)?).into_owned())
+        self.bytes.get(start..end)
     }
 }

@@ -33,6 +33,7 @@ use images::Images;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{SourceImage, SourceMaterial, TriangleMesh};
+use insula_source::problems::ENCODING_GUESSED;
 pub(crate) use metadata::PropertyTable;
 use primitive::PrimitiveContext;
 use scene::SceneBuilder;
@@ -191,6 +192,7 @@ pub(crate) fn decode(
     let budget = Budget::new(options.max_bytes, options.max_vertices);
     let buffers = Buffers::new(root, document.binary, resources, &budget);
     let mut scene = GltfScene { copyright: root.asset.copyright.clone(), ..GltfScene::default() };
+    scene.problems.extend(document.guessed.as_ref().map(|what| (ENCODING_GUESSED, what.clone())));
     scene.attributes = extras::attributes(&root.asset.extras);
     if let Some(first) = root.scenes.get(root.scene.unwrap_or(0)) {
         extras::push(&first.extras, &mut scene.attributes);

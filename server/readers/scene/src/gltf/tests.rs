@@ -193,6 +193,29 @@ fn property_tables_give_attributes() {
 }
 
 #[test]
+fn texts_in_other_pages_are_read_and_reported() {
+    let mut document = Document::quad();
+    let texts = document.add_view(b"K\xf6lnStra\xdfea");
+    let offsets = document.add_view(&[0u8, 4, 10, 11]);
+    document.json["extensions"] = serde_json::json!({"EXT_structural_metadata": {
+        "schema": {"classes": {"building": {"properties": {"name": {"type": "STRING"}}}}},
+        "propertyTables": [{"class": "building", "count": 3, "properties": {
+            "name": {"values": texts, "stringOffsets": offsets, "stringOffsetType": "UINT8"}}}]}});
+    document.json["nodes"][0]["name"] = "gebaeude".into();
+    let mut glb = document.glb();
+    let scene = document::decode_bytes(&glb).expect("readable");
+    let name = |feature| scene.id_of(0, feature).unwrap_or_default();
+    assert_eq!([name(0), name(1), name(2)], ["Köln", "Straße", "a"]);
+    let [(ENCODING_GUESSED, what)] = &scene.problems[..] else { panic!("{:?}", scene.problems) };
+    assert!(what.contains("property name: 2 texts are not in UTF-8") && what.contains("windows-1252"), "{what}");
+    let place = glb.windows(8).position(|bytes| bytes == b"gebaeude").expect("the name");
+    glb[place..place + 8].copy_from_slice(b"geb\xe4ude ");
+    let scene = document::decode_bytes(&glb).expect("readable");
+    assert_eq!(scene.mesh_nodes[0].name.as_deref(), Some("gebäude "));
+    assert!(scene.problems[0].0 == ENCODING_GUESSED && scene.problems[0].1.contains("geb\u{e4}ude"));
+}
+
+#[test]
 fn version_1_is_converted() {
     let mut body: Vec<u8> = QUAD.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
     body.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|v| v.to_le_bytes()));

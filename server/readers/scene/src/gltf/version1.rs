@@ -40,7 +40,7 @@ pub(super) fn parse<'a>(label: &str, json: &[u8], binary: Option<&'a [u8]>) -> R
     let root: Root = serde_json::from_value(new)
         .map_err(|error| InputError::unsupported(label, format!("glTF 1.0 that cannot be converted: {error}")))?;
     check_required(label, &root)?;
-    Ok(Document { root, binary })
+    Ok(Document { root, binary, guessed: None })
 }
 
 struct Converter<'v> {

@@ -247,7 +247,7 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         let attributes = source.attributes.as_ref().map(|folder| {
             let storage = layer.attribute_storage_info.as_deref().unwrap_or_default();
             let fields = layer.fields.as_deref().unwrap_or_default();
-            NodeAttributes::read(resources, folder, (storage, fields), &mut |what| fault("attribute is not read", what))
+            NodeAttributes::read(resources, folder, (storage, fields), &mut fault)
         });
         let material = material.map(|material| sink.add_material(material));
         let (center, unit, raised) = (node.center, self.place.height_unit_m, self.place.height_offset_m);

@@ -1,6 +1,7 @@
 //! The containers of tiles of version 1.0: b3dm, i3dm, cmpt and pnts.
 
 use crate::bytes::{part, u32_at};
+use insula_source::text::json_in_utf8;
 use serde_json::{Map, Value};
 
 /// A length of tables that is in truth the start of JSON or of a GLB: the file has an older header without that length.
@@ -34,6 +35,8 @@ pub(super) struct Tables<'a> {
     pub(super) feature_binary: &'a [u8],
     pub(super) batch_json: Map<String, Value>,
     pub(super) batch_binary: &'a [u8],
+    /// What to report of a batch table that is not in UTF-8.
+    pub(super) guessed: Option<String>,
     /// Number of features, in the headers of files older than version 1.0.
     old_batch_length: Option<u32>,
 }
@@ -137,8 +140,9 @@ fn tables(bytes: &[u8], start: usize, lengths: [u32; 4]) -> Result<(Tables<'_>, 
     let rest = usize::try_from(at).ok().and_then(|at| bytes.get(at..)).ok_or_else(cut)?;
     let [feature_json, feature_binary, batch_json, batch_binary] = parts;
     let feature_json = object(feature_json).map_err(|error| format!("the feature table is no JSON: {error}"))?;
-    let batch_json = object(batch_json).map_err(|error| format!("the batch table is no JSON: {error}"))?;
-    Ok((Tables { feature_json, feature_binary, batch_json, batch_binary, old_batch_length: None }, rest))
+    let (batch_json, guessed) = json_in_utf8(batch_json);
+    let batch_json = object(&batch_json).map_err(|error| format!("the batch table is no JSON: {error}"))?;
+    Ok((Tables { feature_json, feature_binary, batch_json, batch_binary, guessed, old_batch_length: None }, rest))
 }
 
 /// Parses the JSON of a table, which may be empty and is padded.

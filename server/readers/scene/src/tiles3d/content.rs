@@ -11,6 +11,7 @@ use crate::gltf;
 use crate::gltf::{GltfOptions, GltfScene};
 use glam::{DMat4, DVec3};
 use insula_source::object::{FeatureKind, Shape, SourceObject};
+use insula_source::problems::ENCODING_GUESSED;
 use std::io;
 use std::rc::Rc;
 
@@ -49,6 +50,9 @@ impl TileReader<'_, '_> {
     }
 
     fn batch_table<'t>(&mut self, tile: &Tile, tables: &Tables<'t>, length: u32) -> BatchTable<'t> {
+        if let Some(what) = &tables.guessed {
+            self.sink.problem(ENCODING_GUESSED, format!("{}: {what}", tile.name));
+        }
         let table = BatchTable::new(&tables.batch_json, tables.batch_binary, length);
         for (name, reason) in &table.faults {
             self.sink.problem("attribute of a batch table is not read", format!("{}: {name}: {reason}", tile.name));

@@ -6,6 +6,7 @@ use glam::DVec3;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, Shape, SourceObject};
+use insula_source::problems::ENCODING_GUESSED;
 use insula_source::testing::{TestFiles, TestSink, gzip};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -107,6 +108,17 @@ fn first_position(object: &SourceObject) -> DVec3 {
 /// The transform to a place on the globe, as tilesets have it.
 fn on_globe(lon_deg: f64, lat_deg: f64) -> Value {
     json!(globe::east_north_up(globe::ecef(lon_deg, lat_deg, 0.0)).to_cols_array())
+}
+
+#[test]
+fn a_batch_table_in_another_page_is_read_and_reported() {
+    let batch = b"{\"strasse\": [\"Stra\xdfe\", \"K\xf6ln\"]}";
+    let bytes = tile(b"b3dm", [br#"{"BATCH_LENGTH": 2}"#, b"", batch, b""], &[], &glb(0.0, &[0, 1]));
+    let (sink, result) = read_files(&[("a.b3dm", &bytes)]);
+    result.unwrap();
+    let texts: Vec<_> = sink.objects.iter().filter_map(|object| object.attributes.get("strasse")).collect();
+    assert_eq!(texts.into_iter().map(ToString::to_string).collect::<Vec<_>>(), ["Straße", "Köln"]);
+    assert!(sink.problems[0].0 == ENCODING_GUESSED && sink.problems[0].1.contains("windows-1252"));
 }
 
 #[test]

@@ -4,6 +4,9 @@ use super::wire::{Packed, WireFault, fields, zigzag};
 use crate::osm::element::{Element, ElementId, Member, Tags, Visit, id_of_position, position};
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
+use insula_source::problems::ENCODING_GUESSED;
+use insula_source::text::{not_in_utf8, page_of_others};
+use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
 
 /// Ways with more nodes are left out. The database of OpenStreetMap allows 2,000.
@@ -58,7 +61,8 @@ pub(super) struct BlockDecoder {
 
 /// A block whose elements are visited.
 struct OpenBlock<'b> {
-    bytes: &'b [u8],
+    /// Behind those of the file are the letters of texts that are not in UTF-8.
+    bytes: Cow<'b, [u8]>,
     /// Start and end of each text of the block.
     texts: Vec<[u32; 2]>,
     granularity: i64,
@@ -94,7 +98,8 @@ impl BlockDecoder {
     /// Visits the wanted elements of a block until the visitor ends. `bytes` are at most 4 GiB.
     pub(super) fn decode(&mut self, bytes: &[u8], visitor: &mut Visitor<'_, '_>) -> Visited {
         let mut groups = Vec::new();
-        let mut block = OpenBlock { bytes, texts: Vec::new(), granularity: 100, lat_offset: 0, lon_offset: 0 };
+        let mut block =
+            OpenBlock { bytes: bytes.into(), texts: Vec::new(), granularity: 100, lat_offset: 0, lon_offset: 0 };
         fields(bytes, |number, value| {
             match number {
                 1 => block.read_texts(value.bytes()?)?,
@@ -106,6 +111,7 @@ impl BlockDecoder {
             }
             Ok(())
         })?;
+        block.decode_others(|report| visitor.problem(ENCODING_GUESSED, || report));
         for group in groups {
             self.decode_group(&block, group, visitor)?;
         }
@@ -316,16 +322,32 @@ impl<'b> OpenBlock<'b> {
         })
     }
 
-    fn text(&self, index: u64) -> Option<&'b [u8]> {
+    /// Decodes the texts that are not in UTF-8, in the code page that is likely for all of them.
+    fn decode_others(&mut self, mut report: impl FnMut(String)) {
+        let text_of = |[start, end]: &[u32; 2]| self.bytes.get(*start as usize..*end as usize).unwrap_or_default();
+        let Some(page) = page_of_others(self.texts.iter().map(text_of)) else { return };
+        let mut letters = Vec::new();
+        for place in &mut self.texts {
+            let bytes = self.bytes.get(place[0] as usize..place[1] as usize).unwrap_or_default();
+            if std::str::from_utf8(bytes).is_err() {
+                let text = page.decode(bytes);
+                report(not_in_utf8(&text, page));
+                let start = self.bytes.len() + letters.len();
+                letters.extend_from_slice(text.as_bytes());
+                // A block has at most 32 MiB, of which a byte becomes three.
+                *place = [start as u32, (start + text.len()) as u32];
+            }
+        }
+        self.bytes.to_mut().extend(letters);
+    }
+
+    fn text(&self, index: u64) -> Option<&[u8]> {
         let [start, end] = *self.texts.get(usize::try_from(index).ok()?)?;
         self.bytes.get(start as usize..end as usize)
     }
 
-    fn tags<'t>(&self, spans: &'t [[u32; 4]]) -> Tags<'t>
-    where
-        'b: 't,
-    {
-        Tags { text: self.bytes, spans }
+    fn tags<'t>(&'t self, spans: &'t [[u32; 4]]) -> Tags<'t> {
+        Tags { text: &self.bytes, spans }
     }
 
     /// Adds a tag. Returns whether the block has its texts.

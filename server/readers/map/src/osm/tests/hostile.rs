@@ -4,6 +4,7 @@ use super::map::{Map, blob, bytes, deltas, number, packed, pbf_file, read_bytes,
 use crate::osm::classes::POINT_STRUCTURE;
 use crate::osm::relations::TOO_SHARED;
 use insula_source::error::InputError;
+use insula_source::problems::ENCODING_GUESSED;
 use insula_source::testing::gzip;
 
 fn map() -> Map {
@@ -99,6 +100,25 @@ fn texts_that_a_block_lacks_cost_the_tag() {
     bytes(&mut group, 3, &way);
     let (_, read) = read_bytes("map.pbf", &block(&["", "building"], &group, |_| ()));
     assert!(matches!(read, Err(InputError::Damaged { .. })), "{read:?}");
+}
+
+#[test]
+fn texts_in_other_pages_are_read_and_reported() {
+    let mut map = Map::default();
+    map.rectangle(1, [0, 0, 1000, 1000], &[("building", "Buero"), ("name", "Koelner Str.")]);
+    let mut file = uncompressed(&map);
+    for (text, other) in [(&b"Buero"[..], &b"B\xfcro "[..]), (b"Koelner Str.", b"K\xf6lner Str. ")] {
+        let place = file.windows(text.len()).position(|bytes| bytes == text).unwrap();
+        file[place..place + text.len()].copy_from_slice(other);
+    }
+    let (sink, read) = read_bytes("map.pbf", &file);
+    read.unwrap();
+    let [house] = &sink.objects[..] else { panic!("{:?}", sink.skipped) };
+    assert_eq!(house.source_type, "building=Büro ");
+    assert_eq!(house.attributes.get("name").unwrap().to_string(), "Kölner Str.");
+    let [(kind, first), (_, second)] = &sink.problems[..] else { panic!("{:?}", sink.problems) };
+    assert!(*kind == ENCODING_GUESSED && first.contains("windows-1252: Büro"), "{first}");
+    assert!(second.contains("Kölner Str."), "{second}");
 }
 
 #[test]
