@@ -10,9 +10,12 @@ use super::plan::Plan;
 use super::session::Session;
 use super::shape::{Chosen, choose, remove_copies};
 use super::tree::AttributeKind;
+use insula_place::crs::is_geographic;
+use insula_place::placement::FirstShape;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, FeatureKind, Shape, SourceObject};
+use insula_source::problems::NO_CRS;
 
 /// An object that is ready for the sink, or the reason why it is left out.
 struct Finished {
@@ -55,7 +58,7 @@ impl Session<'_, '_> {
         for Finished { outcome, srs } in finished.into_iter().flatten() {
             match outcome {
                 Ok(object) => {
-                    self.set_crs(srs)?;
+                    self.set_crs(srs, &object)?;
                     self.sink.add(object)?;
                 }
                 Err((reason, detail)) => self.sink.skip(reason, detail),
@@ -64,14 +67,33 @@ impl Session<'_, '_> {
         Ok(())
     }
 
-    fn set_crs(&mut self, srs: Option<String>) -> Result<(), InputError> {
+    /// Tells the sink the system of an object. One that neither it nor what encloses it names is unknown: that of another object is none of
+    /// its own.
+    fn set_crs(&mut self, srs: Option<String>, object: &SourceObject) -> Result<(), InputError> {
         // A name that starts with `#` is of a system that the file defines itself, such as a local grid.
-        let Some(name) = srs.filter(|name| !name.is_empty() && !name.starts_with('#')) else { return Ok(()) };
+        let Some(name) = srs.filter(|name| !name.is_empty() && !name.starts_with('#')) else {
+            return self.guess_crs(object);
+        };
         if self.current_srs.as_ref() == Some(&name) {
             return Ok(());
         }
         self.sink.set_crs(&CrsReference::authority(name.clone()))?;
         self.current_srs = Some(name);
+        Ok(())
+    }
+
+    /// Guesses the system of an object that names none, among others that do: that of the file so far if the coordinates can be of such a
+    /// system. Else the sink guesses, as it does of a file that names none.
+    fn guess_crs(&mut self, object: &SourceObject) -> Result<(), InputError> {
+        let (Some(name), Some(first)) = (&self.current_srs, first_shape(&object.shape)) else { return Ok(()) };
+        if first.looks_like_degrees() == is_geographic(name) {
+            let id = &object.id;
+            let detail = format!("{id}: no srsName for it or around it, taken in {name} as the objects before it");
+            self.sink.problem(NO_CRS, detail);
+            return Ok(());
+        }
+        self.sink.set_crs(&CrsReference::authority(""))?;
+        self.current_srs = None;
         Ok(())
     }
 
@@ -227,6 +249,14 @@ fn source_object(
         attributes,
         shape,
     }
+}
+
+/// Where the surfaces of an object begin.
+fn first_shape(shape: &Shape) -> Option<FirstShape> {
+    let Shape::Surfaces { polygons, meshes } = shape else { return None };
+    let of_polygons = polygons.iter().flat_map(|surface| &surface.points);
+    let positions = of_polygons.chain(meshes.iter().flat_map(|mesh| &mesh.positions));
+    FirstShape::of(positions.map(|[x, y, _]| [*x, *y]))
 }
 
 /// The identifier of an object within another.

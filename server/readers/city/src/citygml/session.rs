@@ -45,7 +45,7 @@ pub(super) struct Session<'i, 's> {
     pub(super) codelists: Codelists<'i>,
     /// Coordinate system of the whole file.
     pub(super) model_srs: Option<String>,
-    /// Coordinate system that the sink has.
+    /// Coordinate system that the sink has; `None` if none is named.
     pub(super) current_srs: Option<String>,
     /// Numbers of a position in the whole file.
     dimension: Option<u8>,

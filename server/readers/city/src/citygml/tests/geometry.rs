@@ -4,6 +4,7 @@ use super::*;
 use crate::citygml::gather::BAD_MATRIX;
 use insula_source::affine::TRANSPOSED;
 use insula_source::object::{CrsReference, FeatureKind, SurfaceRole};
+use insula_source::problems::NO_CRS;
 
 #[test]
 fn solid_of_references_does_not_double_the_boundary() {
@@ -236,7 +237,34 @@ fn coordinate_systems_are_passed_on_when_they_change() {
         read_2(&format!("{envelope}{}{}{}", building("", 1), building(r#" srsName="EPSG:25833""#, 2), building("", 3)));
     let crs = |name: &str| CrsReference::authority(name);
     assert_eq!(sink.crs, [crs("EPSG:25832"), crs("EPSG:25833"), crs("EPSG:25832")]);
-    assert_eq!(read_2(&building("", 1)).crs, []);
+    assert_eq!((sink.problems.as_slice(), read_2(&building("", 1)).crs), (&[][..], vec![]));
+}
+
+#[test]
+fn the_system_of_an_object_before_is_none_of_its_own() {
+    let building = |id: &str, place: [f64; 2], size: f64, srs: &str| {
+        let [x, y] = place;
+        let (east, north) = (x + size, y + size);
+        let geometry = format!(
+            "<gml:MultiSurface{srs}><gml:surfaceMember><gml:Polygon><gml:exterior><gml:LinearRing><gml:posList>\
+             {x} {y} 0 {east} {y} 0 {east} {north} 0 {x} {y} 0</gml:posList></gml:LinearRing></gml:exterior></gml:Polygon>\
+             </gml:surfaceMember></gml:MultiSurface>"
+        );
+        super::building(id, &geometry)
+    };
+    let zone = |id, srs: &str| building(id, [500_000.0, 5_400_000.0], 10.0, srs);
+    let named = r#" srsName="EPSG:25833""#;
+    let envelope = r#"<gml:boundedBy><gml:Envelope srsName="EPSG:25832"/></gml:boundedBy>"#;
+    let within = zone("c", "").replace("<bldg:lod2", &format!("{envelope}<bldg:lod2"));
+    let sink = read_2(&[zone("a", named), zone("b", ""), within].concat());
+    assert_eq!(sink.crs, [CrsReference::authority("EPSG:25833"), CrsReference::authority("EPSG:25832")]);
+    let [(kind, detail)] = &sink.problems[..] else { panic!("{:?}", sink.problems) };
+    assert!(*kind == NO_CRS && detail.starts_with("b: ") && detail.contains("EPSG:25833"), "{detail}");
+    // Degrees are none of a system in metres: the sink guesses, once.
+    let in_degrees = |id| building(id, [48.1, 11.5], 0.0001, "");
+    let sink = read_2(&[zone("a", named), in_degrees("b"), in_degrees("c"), zone("d", named)].concat());
+    let names: Vec<_> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
+    assert_eq!((names, sink.problems.len()), (vec!["EPSG:25833", "", "EPSG:25833"], 0));
 }
 
 #[test]
