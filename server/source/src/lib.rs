@@ -9,6 +9,7 @@ pub mod archive;
 pub mod attributes;
 pub mod bucket;
 pub mod code_page;
+pub mod decimal_mark;
 pub mod error;
 pub mod file_names;
 pub mod files;

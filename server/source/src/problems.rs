@@ -65,6 +65,8 @@ pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
 pub const NO_TABLE: &str = "view, virtual or missing table not read";
 /// Kind of the problem that texts are in an encoding that nothing tells.
 pub const ENCODING_GUESSED: &str = "encoding of texts guessed";
+/// Kind of the problem that a comma in numbers may be before decimals, or between groups of digits.
+pub const MARK_GUESSED: &str = "comma in numbers guessed";
 /// Kind of the problem that a picture from above has nothing to lie on.
 pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 /// Kind of the problem that it is of another place.
@@ -117,9 +119,9 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
-    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, NO_GROUND_HEIGHT,
-    MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN,
-    TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
+    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, MARK_GUESSED,
+    NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME,
+    TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

@@ -1,10 +1,11 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
 use super::height_names::{self, FIRST, HeightRole, NamedHeight, UnitGuess};
-use super::lengths::{metres, named_lengths, roof_height_m, storeys};
+use super::lengths::{grouped_metres, metres, named_lengths, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::problems::{
-    CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, SEVERAL_VALUES, UNIT_GUESSED,
+    CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, MARK_GUESSED, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, SEVERAL_VALUES,
+    UNIT_GUESSED,
 };
 use insula_source::text::values_of;
 use insula_source::units::{HeightUnit, metres_of};
@@ -24,6 +25,8 @@ pub(super) const LEVEL_M: f64 = 3.0;
 const UNKNOWN_M: f64 = 6.0;
 /// Valid heights. Many files write 0 for an unknown height.
 const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
+/// Of two readings of `1,776 ft`, the larger one counts if the other is lower than this, and it is itself not higher.
+const LIKELY_M: [f64; 2] = [2.0, 830.0];
 const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
 const STOREY_HEIGHTS: &str = "storeyHeightsAboveGround";
 const STOREY_RANGE_M: RangeInclusive<f64> = 1.0..=50.0;
@@ -238,7 +241,18 @@ pub(super) fn first_in_range<'v>(
             AttributeValue::Text(text) if text.trim().is_empty() => continue,
             value => storeys(value).or_else(|| metres(value, unit_m)),
         };
-        match number.filter(|number| range.contains(number)) {
+        let decimal = number.filter(|number| range.contains(number));
+        let grouped = grouped_metres(value, unit_m).filter(|number| range.contains(number));
+        let number = match (decimal, grouped) {
+            (Some(decimal), Some(grouped)) => {
+                let is_grouped = decimal < LIKELY_M[0] && grouped <= LIKELY_M[1];
+                let number = if is_grouped { grouped } else { decimal };
+                note(MARK_GUESSED, &format!("{name} is {value}, taken as {number}"));
+                Some(number)
+            }
+            (decimal, grouped) => decimal.or(grouped),
+        };
+        match number {
             Some(number) => {
                 if let Some(others) = other_value(attributes, name, value) {
                     note(SEVERAL_VALUES, &format!("{name} is {others}"));
@@ -307,6 +321,24 @@ mod tests {
         ] {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}}}"#));
             assert!(base_m == 0.0 && (top_m - metres).abs() < 1e-9 && notes.is_empty(), "{text}: {top_m} {notes:?}");
+        }
+    }
+
+    #[test]
+    fn a_comma_may_be_between_groups_of_digits() {
+        for (text, metres, is_guess) in [
+            ("1,234.5 ft", 376.2756, false),
+            ("1.234,5 cm", 12.345, false),
+            // The other reading is no height.
+            ("12,345", 12.345, false),
+            ("0,750", 0.75, false),
+            ("1,776 ft", 541.3248, true),
+            ("12,345 mm", 12.345, true),
+            ("1,234", 1.234, true),
+        ] {
+            let (_, top_m, notes) = height(&format!(r#"{{"height": "{text}"}}"#));
+            let expected = if is_guess { vec![MARK_GUESSED.to_owned()] } else { vec![] };
+            assert!((top_m - metres).abs() < 1e-9 && notes == expected, "{text}: {top_m} {notes:?}");
         }
     }
 

@@ -3,6 +3,7 @@
 use super::height_names::{counts_storeys, unit_after};
 use crate::roof::{self, RoofShape};
 use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::decimal_mark::{DecimalMark, both_numbers};
 use insula_source::text::first_value;
 use insula_source::units::{FOOT_M, metres_of};
 
@@ -70,14 +71,27 @@ pub fn length_m(text: &str) -> Option<f64> {
     length_in(text, 1.0)
 }
 
+/// The length in metres of a text whose comma may also be between groups of digits, as in `1,776 ft`, by that reading.
+pub(super) fn grouped_metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
+    let number_of = |text: &str| both_numbers(text).filter(|_| text.contains(',')).map(|[grouped, _]| grouped);
+    length_by(value.as_str()?, plain_m, number_of)
+}
+
 /// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
 fn length_in(text: &str, plain_m: f64) -> Option<f64> {
-    let text = first_value(text).to_lowercase().replace(',', ".");
+    let by_marks = |text: &str| DecimalMark::Comma.number(text).or_else(|| DecimalMark::Point.number(text));
+    length_by(text, plain_m, |text| text.parse().ok().or_else(|| by_marks(text)))
+}
+
+/// Parses a length whose number `number_of` reads.
+fn length_by(text: &str, plain_m: f64, number_of: impl Fn(&str) -> Option<f64>) -> Option<f64> {
+    let text = first_value(text).to_lowercase();
     let text = ABOUT.iter().find_map(|about| text.strip_prefix(about)).unwrap_or(&text).trim_start();
-    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | ',' | '+' | '-'))).unwrap_or(text.len());
     let (number, unit) = text.split_at(end);
     // Primes, and what word processors make of straight marks.
-    let unit = unit.trim().replace(['\u{2032}', '\u{2019}', '\u{b4}'], "'").replace(['\u{2033}', '\u{201d}'], "\"");
+    let unit = unit.trim().replace(',', ".").replace(['\u{2032}', '\u{2019}', '\u{b4}'], "'");
+    let unit = unit.replace(['\u{2033}', '\u{201d}'], "\"");
     let (factor, rest_m) = match unit.as_str() {
         "" => (plain_m, 0.0),
         "\"" => (INCH_M, 0.0),
@@ -87,7 +101,7 @@ fn length_in(text: &str, plain_m: f64) -> Option<f64> {
             (None, None) => feet_and_inches(unit)?,
         },
     };
-    number.parse::<f64>().ok().map(|number| number * factor + rest_m)
+    number_of(number).map(|number| number * factor + rest_m)
 }
 
 /// Parses a unit of feet with inches after it, as in `ft 4 in`: metres of a foot, and of the inches.

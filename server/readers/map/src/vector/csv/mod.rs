@@ -1,5 +1,6 @@
 //! Lines of values, one of which is a geometry as WKT, as hexadecimal WKB or as GeoJSON, or two the coordinates of a point.
 
+mod marks;
 mod place;
 
 use super::feature::{DEGREES, FeatureWriter};
@@ -9,10 +10,11 @@ use super::{geojson, local, wkb, wkt};
 use ::csv::{ByteRecord, Reader, ReaderBuilder};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::code_page::CodePage;
+use insula_source::decimal_mark::DecimalMark;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::{Description, ObjectSink};
-use insula_source::problems::ENCODING_GUESSED;
+use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED};
 use insula_source::text::{decoded, is_usual, likely_encoding, split_words};
 use place::Place;
 use std::io::{BufRead, Read};
@@ -36,6 +38,8 @@ struct Columns {
     place: Place,
     srid: Option<usize>,
     delimiter: u8,
+    /// What is before the decimals of numbers, of each column in which that has to be known.
+    marks: Vec<Option<DecimalMark>>,
     encoding: CodePage,
     /// No line was beyond ASCII so far, which would tell the encoding.
     is_open: bool,
@@ -52,6 +56,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     if geojson::is_of_lines(&head) {
         return geojson::read(input, sink);
     }
+    let is_whole = (head.len() as u64) < HEAD_BYTES;
     let delimiter = match told_delimiter(&head) {
         Some((delimiter, line_bytes)) => {
             head.drain(..line_bytes);
@@ -66,6 +71,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     if head.windows(ESCAPED_JSON.len()).any(|text| text == ESCAPED_JSON) {
         builder.escape(Some(b'\\')).double_quote(false);
     }
+    let sample = head.clone();
     let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
     let mut lines = builder.from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
@@ -80,6 +86,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         ));
     };
     columns.is_open = is_open;
+    for guess in columns.settle_marks(&mut builder.from_reader(marks::whole_lines(&sample, is_whole)), has_names) {
+        writer.sink.problem(MARK_GUESSED, format!("{}: {guess}", input.name));
+    }
     if !is_usual(guess) {
         writer.sink.problem(ENCODING_GUESSED, guessed(&columns.names.join(", "), guess.page, input));
     }
@@ -115,7 +124,13 @@ fn guessed(text: &str, page: CodePage, input: &Input<'_>) -> String {
 
 impl Columns {
     fn new(names: Vec<String>, place: Place, delimiter: u8, encoding: CodePage) -> Self {
-        Self { names, place, srid: None, delimiter, encoding, is_open: false, is_mixed: false }
+        let (srid, marks) = (None, Vec::new());
+        Self { names, place, srid, delimiter, marks, encoding, is_open: false, is_mixed: false }
+    }
+
+    /// What is before the decimals of numbers of a column, if that has to be known.
+    fn mark(&self, index: usize) -> Option<DecimalMark> {
+        self.marks.get(index).copied().flatten()
     }
 
     /// Guesses the encoding by the first line beyond ASCII, if the beginning of the file has none. Reports one that is not in UTF-8 in a
@@ -224,7 +239,8 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
             && !columns.place.is_of(index)
             && !text.trim().is_empty()
         {
-            attributes.push(name, AttributeValue::from_untyped(&text));
+            let value = columns.mark(index).and_then(|mark| mark.value(&text));
+            attributes.push(name, value.unwrap_or_else(|| AttributeValue::from_untyped(&text)));
         }
     }
     let field = |index| decoded(record.get(index).unwrap_or_default(), columns.encoding);
@@ -232,7 +248,10 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
     let mut geometry = Geometry::default();
     let parsed = match &columns.place {
         Place::Text(index) => geometry_of(&field(*index), &mut geometry),
-        place => place.add_point(field, columns.delimiter, &mut geometry).map(|()| None),
+        place => {
+            let mark = place.map_column().and_then(|index| columns.mark(index));
+            place.add_point(field, columns.delimiter, mark, &mut geometry).map(|()| None)
+        }
     };
     if let Ok(Some(own)) = parsed {
         srid = Some(own);

@@ -2,6 +2,7 @@
 
 use super::NO_GEOMETRY;
 use crate::vector::geometry::{Geometry, MALFORMED};
+use insula_source::decimal_mark::DecimalMark;
 use std::borrow::Cow;
 
 /// Names of columns of longitudes and latitudes, in lower case without what separates words.
@@ -62,11 +63,20 @@ impl Place {
         }
     }
 
-    /// Adds the point of a line. Fails with the reason if it has none.
+    /// The first of two columns of coordinates of a map.
+    pub(super) fn map_column(self) -> Option<usize> {
+        match self {
+            Self::Map { x, .. } => Some(x),
+            Self::Text(_) | Self::Degrees { .. } | Self::Pair(_) => None,
+        }
+    }
+
+    /// Adds the point of a line. `mark` is before the decimals of its numbers, if that is known. Fails with the reason if it has none.
     pub(super) fn add_point<'f>(
         self,
         field: impl Fn(usize) -> Cow<'f, str>,
         delimiter: u8,
+        mark: Option<DecimalMark>,
         geometry: &mut Geometry,
     ) -> Result<(), &'static str> {
         let [x, y] = match self {
@@ -86,8 +96,9 @@ impl Place {
         let number = |text: &str| {
             let text = text.trim().trim_end_matches('\u{b0}');
             let is_comma = delimiter != b',' && !text.contains('.');
-            let number = if is_comma { text.replace(',', ".").parse::<f64>() } else { text.parse() };
-            number.ok().filter(|number| number.is_finite()).ok_or("coordinate not a number")
+            let plain = || if is_comma { text.replace(',', ".").parse::<f64>() } else { text.parse() };
+            let number = mark.and_then(|mark| mark.number(text)).or_else(|| plain().ok());
+            number.filter(|number| number.is_finite()).ok_or("coordinate not a number")
         };
         geometry.push_point([number(&x)?, number(&y)?, f64::NAN]);
         geometry.settle_heights();

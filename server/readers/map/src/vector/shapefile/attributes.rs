@@ -3,6 +3,7 @@
 use super::encoding::{TextSample, decode, encoding_of};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::code_page::CodePage;
+use insula_source::decimal_mark::{ColumnMark, DecimalMark, NumberColumn, guessed_mark};
 use std::io::{BufRead, Cursor, Read};
 
 const HEADER_BYTES: usize = 32;
@@ -20,6 +21,8 @@ struct Column {
     kind: u8,
     bytes: usize,
     decimals: u8,
+    /// What is before the decimals of numbers in a column of texts, if that has to be known.
+    mark: Option<DecimalMark>,
 }
 
 /// What became of a row.
@@ -41,6 +44,8 @@ pub(super) struct AttributeReader<'a> {
     encoding: Option<CodePage>,
     /// What to warn of about the encoding, until it is reported.
     warning: Option<String>,
+    /// What to warn of about numbers in columns of texts, until it is reported.
+    guesses: Vec<String>,
     row: Vec<u8>,
 }
 
@@ -68,7 +73,7 @@ impl<'a> AttributeReader<'a> {
             let high = if kind == b'C' { usize::from(column[17]) << 8 } else { 0 };
             let bytes = usize::from(column[16]) | high;
             used += bytes;
-            columns.push(Column { name: String::new(), kind, bytes, decimals: column[17] });
+            columns.push(Column { name: String::new(), kind, bytes, decimals: column[17], mark: None });
         }
         if used > row_bytes {
             return Err(format!("columns of {used} bytes in rows of {row_bytes}"));
@@ -79,13 +84,26 @@ impl<'a> AttributeReader<'a> {
         let mut sample = TextSample::default();
         names.iter().for_each(|name| sample.add(name));
         head.chunks_exact(row_bytes).for_each(|row| add_texts(&columns, row, &mut sample));
+        let numbers = numbers_of(&columns, head.chunks_exact(row_bytes));
         let reader = Box::new(Cursor::new(head).chain(reader));
-        let mut table = Self { reader, columns, told, encoding: None, warning: None, row: vec![0; row_bytes] };
+        let (encoding, warning, guesses) = (None, None, Vec::new());
+        let mut table = Self { reader, columns, told, encoding, warning, guesses, row: vec![0; row_bytes] };
         table.settle(&sample);
         for (column, name) in table.columns.iter_mut().zip(names) {
             column.name = decode(name, table.encoding.unwrap_or(CodePage::UTF8));
         }
+        table.settle_marks(&numbers);
         Ok(table)
+    }
+
+    /// Settles the marks before decimals in columns of texts.
+    fn settle_marks(&mut self, numbers: &[NumberColumn]) {
+        let likely = numbers.iter().find_map(NumberColumn::certain).unwrap_or(DecimalMark::Comma);
+        for (column, numbers) in self.columns.iter_mut().zip(numbers) {
+            let Some(ColumnMark { mark, guessed_by }) = numbers.mark(likely) else { continue };
+            column.mark = Some(mark);
+            self.guesses.extend(guessed_by.map(|number| guessed_mark(&column.name, &number, mark)));
+        }
     }
 
     /// Takes the encoding of a sample, if it is beyond ASCII.
@@ -103,6 +121,11 @@ impl<'a> AttributeReader<'a> {
     /// What to warn of about the encoding, once.
     pub(super) fn take_warning(&mut self) -> Option<String> {
         self.warning.take()
+    }
+
+    /// What to warn of about numbers, once.
+    pub(super) fn take_guesses(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.guesses)
     }
 
     pub(super) fn next(&mut self, attributes: &mut Attributes) -> Row {
@@ -148,13 +171,31 @@ fn add_texts(columns: &[Column], row: &[u8], sample: &mut TextSample) {
     }
 }
 
+/// The numbers in columns of texts.
+fn numbers_of<'r>(columns: &[Column], rows: impl Iterator<Item = &'r [u8]>) -> Vec<NumberColumn> {
+    let mut numbers = vec![NumberColumn::default(); columns.len()];
+    for row in rows {
+        let mut rest = row.get(1..).unwrap_or_default();
+        for (column, numbers) in columns.iter().zip(&mut numbers) {
+            let Some((field, after)) = rest.split_at_checked(column.bytes) else { break };
+            rest = after;
+            if column.kind == b'C' {
+                // Others are no numbers.
+                numbers.add(std::str::from_utf8(field).unwrap_or("?").trim_matches(['\0', ' ']));
+            }
+        }
+    }
+    numbers
+}
+
 /// The value of a field; `None` if it is empty or of a type without a meaning here.
 fn value(column: &Column, field: &[u8], encoding: CodePage) -> Option<AttributeValue> {
     match column.kind {
         b'C' | b'V' => {
             let text = decode(field, encoding);
             let text = text.trim_end_matches(['\0', ' ']).trim_start();
-            (!text.is_empty()).then(|| AttributeValue::Text(text.to_owned()))
+            let number = column.mark.and_then(|mark| mark.value(text));
+            number.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.to_owned())))
         }
         b'N' | b'F' => number(field, column.decimals),
         b'D' => date(field),
@@ -182,8 +223,10 @@ fn number(field: &[u8], decimals: u8) -> Option<AttributeValue> {
     {
         return Some(AttributeValue::Integer(number));
     }
-    // Some programs write decimal commas.
-    let number: f64 = text.parse().or_else(|_| text.replacen(',', ".", 1).parse()).ok()?;
+    // Some programs write decimal commas. A column without decimals has commas between groups only.
+    let marks =
+        if decimals == 0 { [DecimalMark::Point, DecimalMark::Comma] } else { [DecimalMark::Comma, DecimalMark::Point] };
+    let number: f64 = text.parse().ok().or_else(|| marks.into_iter().find_map(|mark| mark.number(text)))?;
     number.is_finite().then_some(AttributeValue::Float(number))
 }
 

@@ -15,7 +15,7 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
-use insula_source::problems::{DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, NO_ATTRIBUTES};
+use insula_source::problems::{DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, MARK_GUESSED, NO_ATTRIBUTES};
 use std::io::{BufRead, Read};
 
 const HEADER_BYTES: usize = 100;
@@ -60,7 +60,12 @@ fn open_attributes<'a>(
 ) -> Result<Option<AttributeReader<'a>>, InputError> {
     let code_page = local::sibling_text(input, "cpg");
     match AttributeReader::open(dbf_input.open()?.reader, code_page.as_deref()) {
-        Ok(reader) => Ok(Some(reader)),
+        Ok(mut reader) => {
+            for guess in reader.take_guesses() {
+                writer.sink.problem(MARK_GUESSED, format!("{}: {guess}", dbf_input.name));
+            }
+            Ok(Some(reader))
+        }
         Err(fault) => {
             writer.sink.problem(DAMAGED_ATTRIBUTES, format!("{}: {fault}", dbf_input.name));
             Ok(None)

@@ -4,7 +4,7 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_csv;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Shape;
-use insula_source::problems::ENCODING_GUESSED;
+use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED};
 
 #[test]
 fn values_are_typed_and_geometries_found() {
@@ -111,6 +111,29 @@ fn other_tables_are_refused() {
 }
 
 #[test]
+fn commas_in_numbers_are_before_decimals_or_between_groups() {
+    let height = |lines: &str| {
+        let sink = read(read_csv, &[("a.csv", lines.as_bytes())]);
+        let guesses = sink.problems.iter().filter(|(kind, _)| *kind == MARK_GUESSED).count();
+        (sink.objects[0].attributes.get("height").cloned(), guesses)
+    };
+    let (whole, float) = (AttributeValue::Integer, AttributeValue::Float);
+    for (lines, expected, guesses) in [
+        ("wkt;height\nPOINT(1 2);1,234\nPOINT(1 2);12,5\n", float(1.234), 0),
+        ("wkt;height\nPOINT(1 2);1.234\nPOINT(1 2);950,5\n", whole(1234), 0),
+        ("wkt;height\nPOINT(1 2);1,234\nPOINT(1 2);12.5\n", whole(1234), 0),
+        ("wkt;height;area\nPOINT(1 2);1,234;20.5\n", whole(1234), 1),
+        ("wkt;height\nPOINT(1 2);1,234\nPOINT(1 2);2,345\n", float(1.234), 1),
+        ("wkt,height\nPOINT(1 2),\"1,234\"\n", whole(1234), 1),
+        // Nothing to decide.
+        ("wkt;height\nPOINT(1 2);12,5\n", text("12,5"), 0),
+        ("wkt;height\nPOINT(1 2);1.234\n", float(1.234), 0),
+    ] {
+        assert_eq!(height(lines), (Some(expected), guesses), "{lines}");
+    }
+}
+
+#[test]
 fn points_may_be_in_columns_of_coordinates() {
     let place = |lines: &str| {
         let sink = read(read_csv, &[("trees.csv", lines.as_bytes())]);
@@ -131,6 +154,11 @@ fn points_may_be_in_columns_of_coordinates() {
         (Some("EPSG:25832".into()), 691_000.5, 5_334_000.0)
     );
     assert_eq!(place("Rechtswert\tHochwert\n691000.5\t5334000\n"), (None, 691_000.5, 5_334_000.0));
+    let metres = (None, 91_000.0, 437_000.0);
+    assert_eq!(place("X;Y\n91,000;437,000\n"), metres, "between groups");
+    assert_eq!(place("X,Y\n\"91,000.0\",\"437,000.0\"\n"), metres);
+    assert_eq!(place("X;Y\n91.000,0;437.000,0\n"), metres);
+    assert_eq!(place("X;Y\n11,575;48\n"), (degrees.clone(), 11.575, 48.0), "before decimals");
     // A geometry counts before.
     assert_eq!(place("x,y,wkt\n1,2,POINT(500 600)\n").1, 500.0);
     let faults = read(read_csv, &[("trees.csv", b"id,lat,lon\na,,\nb,x,11\nc,48,11\n")]);

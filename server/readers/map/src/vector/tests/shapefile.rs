@@ -4,7 +4,8 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_shapefile;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, PointOnGround, Shape};
-use insula_source::problems::ENCODING_GUESSED;
+use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED};
+use insula_source::testing::TestSink;
 
 type Positions<'a> = &'a [[f64; 3]];
 
@@ -143,6 +144,27 @@ fn a_guess_of_the_encoding_is_reported_and_names_columns_too() {
     assert_eq!(sink.objects[0].attributes, attributes(&[("ЭТАЖНОСТЬ", text("ЭТАЖНОСТЬ"))]));
     assert_eq!(sink.problems[0].0, ENCODING_GUESSED);
     assert!(sink.problems[0].1.contains("taken as windows-1251"), "{:?}", sink.problems);
+}
+
+#[test]
+fn commas_in_numbers_are_before_decimals_or_between_groups() {
+    let plan = shape(5, &[(0, &ring(&square(0.0, 0.0, 9.0), 0.0))]);
+    let shapes = shp(&[plan.clone(), plan]);
+    let read_rows = |columns: &[(&str, u8, u8, u8)], rows: [&[u8]; 2]| {
+        read(read_shapefile, &[("a.shp", &shapes), ("a.dbf", &dbf(0, columns, &rows))])
+    };
+    let first = |sink: &TestSink| sink.objects[0].attributes.get("H").cloned();
+    let text = [("H", b'C', 6, 0)];
+    let certain = read_rows(&text, [b"  1,234", b"   12,5"]);
+    assert_eq!((first(&certain), certain.problems.len()), (Some(AttributeValue::Float(1.234)), 0));
+    let guessed = read_rows(&text, [b"  1,234", b"    950"]);
+    assert_eq!(first(&guessed), Some(AttributeValue::Integer(1234)));
+    let [(kind, detail)] = &guessed.problems[..] else { panic!("{:?}", guessed.problems) };
+    assert!(*kind == MARK_GUESSED && detail.contains("H: numbers such as 1,234 are taken as 1234"), "{detail}");
+    for (decimals, cell, expected) in [(0, b"  1,234", 1234.0), (3, b"  1,234", 1.234), (2, b"1,234.5", 1234.5)] {
+        let sink = read_rows(&[("H", b'N', 7, decimals)], [&[b" ", &cell[..]].concat(), b"       1"]);
+        assert_eq!(first(&sink), Some(AttributeValue::Float(expected)), "{decimals} decimals");
+    }
 }
 
 #[test]
