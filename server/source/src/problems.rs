@@ -61,6 +61,8 @@ pub const NO_ATTRIBUTES: &str = "no attributes";
 pub const DAMAGED_ATTRIBUTES: &str = "damaged attributes";
 /// It ends early.
 pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
+/// The file of its memo columns is missing or damaged.
+pub const NO_MEMOS: &str = "texts of memo columns not read";
 /// It is none of features that may be read.
 pub const NO_TABLE: &str = "view, virtual or missing table not read";
 /// Kind of the problem that texts are in an encoding that nothing tells.
@@ -125,7 +127,8 @@ pub(crate) const GUESSES: &[&str] = &[
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[
-    NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA, PICTURE_ALONE,
-    FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE, TEXTURE_UNREADABLE, TEXTURE_BROKEN, TEXTURE_TOO_LARGE,
-    TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE, TILE_NOT_READ, TILE_NOT_FETCHED, SUBTREE_UNREADABLE,
+    NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_MEMOS, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA,
+    PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE, TEXTURE_UNREADABLE, TEXTURE_BROKEN,
+    TEXTURE_TOO_LARGE, TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE, TILE_NOT_READ, TILE_NOT_FETCHED,
+    SUBTREE_UNREADABLE,
 ];

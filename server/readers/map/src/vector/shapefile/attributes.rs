@@ -1,6 +1,7 @@
 //! The table of attributes, in dBASE format: columns of fixed width.
 
 use super::encoding::{TextSample, decode, encoding_of};
+use super::memo::MemoFile;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::code_page::CodePage;
 use insula_source::decimal_mark::{ColumnMark, DecimalMark, NumberColumn, guessed_mark};
@@ -11,6 +12,8 @@ const COLUMN_BYTES: usize = 32;
 const END_OF_COLUMNS: u8 = 0x0d;
 const DELETED: u8 = b'*';
 const END_OF_FILE: u8 = 0x1a;
+/// Kind of a column whose texts are in another file.
+const MEMO: u8 = b'M';
 /// Rows of about this many bytes tell the encoding.
 const SAMPLE_BYTES: usize = 1 << 16;
 /// Julian day number of 1970-01-01.
@@ -46,6 +49,12 @@ pub(super) struct AttributeReader<'a> {
     warning: Option<String>,
     /// What to warn of about numbers in columns of texts, until it is reported.
     guesses: Vec<String>,
+    /// First byte of the table.
+    pub(super) version: u8,
+    /// Where the texts of memo columns are.
+    pub(super) memos: Option<MemoFile>,
+    /// Names of columns whose memo in the last row cannot be read.
+    lost: Vec<String>,
     row: Vec<u8>,
 }
 
@@ -86,8 +95,18 @@ impl<'a> AttributeReader<'a> {
         head.chunks_exact(row_bytes).for_each(|row| add_texts(&columns, row, &mut sample));
         let numbers = numbers_of(&columns, head.chunks_exact(row_bytes));
         let reader = Box::new(Cursor::new(head).chain(reader));
-        let (encoding, warning, guesses) = (None, None, Vec::new());
-        let mut table = Self { reader, columns, told, encoding, warning, guesses, row: vec![0; row_bytes] };
+        let mut table = Self {
+            reader,
+            columns,
+            told,
+            encoding: None,
+            warning: None,
+            guesses: Vec::new(),
+            version: header[0],
+            memos: None,
+            lost: Vec::new(),
+            row: vec![0; row_bytes],
+        };
         table.settle(&sample);
         for (column, name) in table.columns.iter_mut().zip(names) {
             column.name = decode(name, table.encoding.unwrap_or(CodePage::UTF8));
@@ -128,13 +147,44 @@ impl<'a> AttributeReader<'a> {
         std::mem::take(&mut self.guesses)
     }
 
+    /// Names of the columns whose texts are in another file.
+    pub(super) fn memo_names(&self) -> Vec<&str> {
+        self.columns.iter().filter(|column| column.kind == MEMO).map(|column| column.name.as_str()).collect()
+    }
+
+    /// Names of the columns whose memo in the last row cannot be read.
+    pub(super) fn take_lost(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.lost)
+    }
+
+    /// The texts of the memos of the row, one for each column of them.
+    fn memo_texts(&mut self) -> Vec<Vec<u8>> {
+        let Some(memos) = &self.memos else { return Vec::new() };
+        let mut rest = self.row.get(1..).unwrap_or_default();
+        let mut texts = Vec::new();
+        for column in &self.columns {
+            let Some((field, after)) = rest.split_at_checked(column.bytes) else { break };
+            rest = after;
+            if column.kind == MEMO {
+                let text = memos.text(field);
+                if text.is_none() {
+                    self.lost.push(column.name.clone());
+                }
+                texts.push(text.unwrap_or_default());
+            }
+        }
+        texts
+    }
+
     pub(super) fn next(&mut self, attributes: &mut Attributes) -> Row {
         if self.reader.read_exact(&mut self.row).is_err() {
             return Row::Missing;
         }
-        if self.encoding.is_none() && !self.row.is_ascii() {
+        let memos = self.memo_texts();
+        if self.encoding.is_none() && !(self.row.is_ascii() && memos.iter().all(|text| text.is_ascii())) {
             let mut sample = TextSample::default();
             add_texts(&self.columns, &self.row, &mut sample);
+            memos.iter().for_each(|text| sample.add(text));
             self.settle(&sample);
         }
         let Some((flag, mut rest)) = self.row.split_first() else { return Row::Missing };
@@ -142,10 +192,15 @@ impl<'a> AttributeReader<'a> {
             return Row::Missing;
         }
         let encoding = self.encoding.unwrap_or(CodePage::UTF8);
+        let mut memos = memos.iter();
         for column in &self.columns {
             let Some((field, after)) = rest.split_at_checked(column.bytes) else { break };
             rest = after;
-            if let Some(value) = value(column, field, encoding) {
+            let value = match column.kind {
+                MEMO => memos.next().and_then(|text| text_value(text, None, encoding)),
+                _ => value(column, field, encoding),
+            };
+            if let Some(value) = value {
                 attributes.push(&column.name, value);
             }
         }
@@ -191,12 +246,7 @@ fn numbers_of<'r>(columns: &[Column], rows: impl Iterator<Item = &'r [u8]>) -> V
 /// The value of a field; `None` if it is empty or of a type without a meaning here.
 fn value(column: &Column, field: &[u8], encoding: CodePage) -> Option<AttributeValue> {
     match column.kind {
-        b'C' | b'V' => {
-            let text = decode(field, encoding);
-            let text = text.trim_end_matches(['\0', ' ']).trim_start();
-            let number = column.mark.and_then(|mark| mark.value(text));
-            number.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.to_owned())))
-        }
+        b'C' | b'V' => text_value(field, column.mark, encoding),
         b'N' | b'F' => number(field, column.decimals),
         b'D' => date(field),
         b'L' => match field.first()? {
@@ -213,6 +263,14 @@ fn value(column: &Column, field: &[u8], encoding: CodePage) -> Option<AttributeV
         }
         _ => None,
     }
+}
+
+/// A text, or a number of a column whose numbers have such a mark before their decimals; `None` if it is empty.
+fn text_value(field: &[u8], mark: Option<DecimalMark>, encoding: CodePage) -> Option<AttributeValue> {
+    let text = decode(field, encoding);
+    let text = text.trim_end_matches(['\0', ' ']).trim_start();
+    let number = mark.and_then(|mark| mark.value(text));
+    number.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.to_owned())))
 }
 
 /// A decimal number; `None` if the field is empty, or filled with `*` because the number did not fit.

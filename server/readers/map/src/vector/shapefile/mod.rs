@@ -1,9 +1,11 @@
-//! Shapefile: shapes in `.shp`, attributes in `.dbf`, the coordinate system in `.prj`, the encoding of texts in `.cpg`.
+//! Shapefile: shapes in `.shp`, attributes in `.dbf`, their long texts in `.dbt` or `.fpt`, the coordinate system in `.prj`, the encoding of
+//! texts in `.cpg`.
 //!
 //! The `.shp` and `.dbf` files are read side by side, without the index `.shx`.
 
 mod attributes;
 mod encoding;
+mod memo;
 mod multipatch;
 mod shapes;
 
@@ -15,7 +17,10 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
-use insula_source::problems::{DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, MARK_GUESSED, NO_ATTRIBUTES};
+use insula_source::problems::{
+    DAMAGED_ATTRIBUTES, ENCODING_GUESSED, FEWER_ATTRIBUTES, MARK_GUESSED, NO_ATTRIBUTES, NO_MEMOS,
+};
+use memo::MemoFile;
 use std::io::{BufRead, Read};
 
 const HEADER_BYTES: usize = 100;
@@ -63,6 +68,13 @@ fn open_attributes<'a>(
         Ok(mut reader) => {
             for guess in reader.take_guesses() {
                 writer.sink.problem(MARK_GUESSED, format!("{}: {guess}", dbf_input.name));
+            }
+            let memo_names = reader.memo_names().join(", ");
+            if !memo_names.is_empty() {
+                match MemoFile::open(dbf_input, reader.version) {
+                    Ok(memos) => reader.memos = Some(memos),
+                    Err(what) => writer.sink.problem(NO_MEMOS, format!("{}: {memo_names}: {what}", dbf_input.name)),
+                }
             }
             Ok(Some(reader))
         }
@@ -125,6 +137,9 @@ fn read_shape(
         let row = reader.next(&mut attributes);
         if let Some(warning) = reader.take_warning() {
             writer.sink.problem(ENCODING_GUESSED, format!("{name}: {warning}"));
+        }
+        for column in reader.take_lost() {
+            writer.sink.problem(NO_MEMOS, format!("{name}: {column}"));
         }
         match row {
             Row::Read => {}

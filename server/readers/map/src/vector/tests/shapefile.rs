@@ -4,7 +4,7 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_shapefile;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, PointOnGround, Shape};
-use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED};
+use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED, NO_MEMOS};
 use insula_source::testing::TestSink;
 
 type Positions<'a> = &'a [[f64; 3]];
@@ -165,6 +165,54 @@ fn commas_in_numbers_are_before_decimals_or_between_groups() {
         let sink = read_rows(&[("H", b'N', 7, decimals)], [&[b" ", &cell[..]].concat(), b"       1"]);
         assert_eq!(first(&sink), Some(AttributeValue::Float(expected)), "{decimals} decimals");
     }
+}
+
+/// A file of blocks of 64 bytes, with a memo in the second one, and what its header tells at a place.
+fn memo_file(place: usize, told: [u8; 2], memo: &[u8]) -> Vec<u8> {
+    let mut file = vec![0; 128];
+    file[place..place + 2].copy_from_slice(&told);
+    file.extend(memo);
+    file
+}
+
+#[test]
+fn memos_are_read_from_the_file_beside_the_table() {
+    let shapes = shp(&[shape(5, &[(0, &ring(&square(0.0, 0.0, 9.0), 0.0))])]);
+    let read_memo = |version: u8, cell: &[u8], name: &str, memos: Option<&[u8]>| {
+        let mut table = dbf(0, &[("NOTE", b'M', cell.len() as u8, 0)], &[&[b" ", cell].concat()]);
+        table[0] = version;
+        let mut files: Vec<(&str, &[u8])> = vec![("a.shp", &shapes), ("a.dbf", &table)];
+        files.extend(memos.map(|memos| (name, memos)));
+        let sink = read(read_shapefile, &files);
+        let note = sink.objects[0].attributes.get("NOTE").map(ToString::to_string);
+        (note, sink.problems)
+    };
+    let text = b"Stra\xdfe, K\xf6ln";
+    let block_2 = b"         2";
+    let mut dbase_3 = vec![0; 1024];
+    dbase_3.extend(b"Stra\xdfe,\x8d\nK\xf6ln\x1a\x1anext");
+    let dbase_4 = [&[0xff_u8, 0xff, 8, 0][..], &(8 + text.len() as u32).to_le_bytes()[..], &text[..]].concat();
+    let fox_pro = [&1_u32.to_be_bytes()[..], &(text.len() as u32).to_be_bytes()[..], &text[..]].concat();
+    for (version, cell, name, memos) in [
+        (0x83, &block_2[..], "a.dbt", dbase_3),
+        (0x8b, block_2, "a.DBT", memo_file(20, [64, 0], &dbase_4)),
+        (0xf5, block_2, "a.fpt", memo_file(6, [0, 64], &fox_pro)),
+        (0x30, &[2, 0, 0, 0], "a.fpt", memo_file(6, [0, 64], &fox_pro)),
+    ] {
+        let (note, problems) = read_memo(version, cell, name, Some(&memos));
+        assert_eq!((note.as_deref(), problems.len()), (Some("Straße, Köln"), 0), "{version} {problems:?}");
+        for length in 0..memos.len() {
+            let (note, problems) = read_memo(version, cell, name, Some(&memos[..length]));
+            assert!(note.is_some() || problems[0].0 == NO_MEMOS, "{length} {problems:?}");
+        }
+        let (note, problems) =
+            read_memo(version, if cell.len() == 4 { &[0; 4] } else { b"          " }, name, Some(&memos));
+        assert_eq!((note, problems), (None, vec![]));
+    }
+    let expected = vec![(NO_MEMOS, "a.dbf: NOTE: no .dbt or .fpt file beside it".to_owned())];
+    assert_eq!(read_memo(0x83, block_2, "", None), (None, expected));
+    let far = read_memo(0x83, b"9999999999", "a.dbt", Some(&[0; 600]));
+    assert_eq!(far, (None, vec![(NO_MEMOS, "feature 1: NOTE".to_owned())]));
 }
 
 #[test]
