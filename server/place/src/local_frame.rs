@@ -94,11 +94,24 @@ impl ModelMetadata {
         origin.iter().all(|number| number.is_finite()).then_some(Self { system, origin })
     }
 
-    /// `None` if the system is not known, or not that of a map: heights of others may be of any kind.
+    /// `None` if the system is not known, or neither that of a map nor a place: heights of others may be of any kind.
     fn place(self) -> Option<(CrsReference, LocalFrame)> {
-        let is_map = matches!(resolve(&self.system).ok()?.horizontal.system, System::Projected(_));
         let frame = LocalFrame { origin: self.origin, ..LocalFrame::IDENTITY };
+        if let Some(reference) = self.around_place() {
+            return Some((reference, frame));
+        }
+        let is_map = matches!(resolve(&self.system).ok()?.horizontal.system, System::Projected(_));
         is_map.then(|| (CrsReference::east_first(self.system), frame))
+    }
+
+    /// Metres east, north and up of a place on the ellipsoid, which these programs write as `ENU:LAT,LON`.
+    fn around_place(&self) -> Option<CrsReference> {
+        let (word, place) = self.system.split_at_checked(4)?;
+        let (lat, lon) = place.split_once(',')?;
+        let lat: f64 = lat.trim().parse().ok()?;
+        let lon: f64 = lon.trim().parse().ok()?;
+        let is_place = word.eq_ignore_ascii_case("ENU:") && lat.abs() <= 90.0 && lon.abs() <= 180.0;
+        is_place.then(|| CrsReference::east_first(format!("ENU:{lon},{lat},0,ellipsoid")))
     }
 }
 
@@ -191,8 +204,11 @@ mod tests {
             (reference.name.as_str(), frame.apply([1.0, 2.0, 3.0])),
             ("EPSG:25832", [566_001.0, 5_932_002.0, 1.5])
         );
-        let (found, unread) = placed("ENU:53.5,9.9", None);
-        assert!(found.is_none() && unread.is_some_and(|text| text.contains("566000, 5932000, -1.5 of ENU:53.5,9.9")));
+        let (found, _) = placed("ENU:53.5, 9.9", None);
+        let (reference, frame) = found.unwrap();
+        assert_eq!((reference.name.as_str(), frame.origin[2]), ("ENU:9.9,53.5,0,ellipsoid", -1.5));
+        let (found, unread) = placed("ENU:153.5,9.9", None);
+        assert!(found.is_none() && unread.is_some_and(|text| text.contains("566000, 5932000, -1.5 of ENU:153.5,9.9")));
         let (found, _) = placed("EPSG:25832", Some([1.0, 2.0, 3.0]));
         assert_eq!(found.unwrap().0.name, "ENU:1,2,3");
         assert!(ModelMetadata::parse("<gmd:MD_Metadata/>").is_none());

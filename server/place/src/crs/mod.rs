@@ -71,8 +71,9 @@ pub enum System {
 pub struct LocalOrigin {
     pub longitude_deg: f64,
     pub latitude_deg: f64,
-    /// Above the geoid.
+    /// Above the geoid, or above the ellipsoid.
     pub height_m: f64,
+    pub is_ellipsoidal: bool,
 }
 
 /// What heights count from.

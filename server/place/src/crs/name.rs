@@ -92,8 +92,11 @@ fn code(text: &str) -> Option<u32> {
     Some(if WEB_MERCATOR.contains(&code) { 3857 } else { code })
 }
 
-/// Local metres east, north and up around a point: `ENU:LON,LAT,H`.
+/// Local metres east, north and up around a point: `ENU:LON,LAT,H`, with `,ellipsoid` behind it if its height is above that.
 fn local(name: &str, origin: &str) -> Result<Crs, CrsError> {
+    let above_ellipsoid = origin.strip_suffix(",ELLIPSOID");
+    let is_ellipsoidal = above_ellipsoid.is_some();
+    let origin = above_ellipsoid.unwrap_or(origin);
     let numbers: Option<Vec<f64>> = origin.split(',').map(|number| number.trim().parse().ok()).collect();
     let [longitude_deg, latitude_deg, height_m] = numbers.unwrap_or_default()[..] else {
         return Err(CrsError::Unknown);
@@ -102,7 +105,7 @@ fn local(name: &str, origin: &str) -> Result<Crs, CrsError> {
     if !is_valid {
         return Err(CrsError::Unsupported("the longitude, latitude or height is out of range".to_owned()));
     }
-    let system = System::Local(LocalOrigin { longitude_deg, latitude_deg, height_m });
+    let system = System::Local(LocalOrigin { longitude_deg, latitude_deg, height_m, is_ellipsoidal });
     let horizontal =
         Horizontal { code: None, system, axes: Axes::EAST_NORTH, datum: "WGS 84".to_owned(), shift_error_m: 0.0 };
     Ok(Crs { name: name.to_owned(), horizontal, vertical: Vertical::Ellipsoidal { unit_m: 1.0 } })

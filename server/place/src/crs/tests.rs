@@ -112,8 +112,10 @@ fn heights_of_three_dimensional_systems_are_above_the_ellipsoid() {
         assert_eq!(resolve(name).unwrap().vertical, Vertical::Unknown, "{name}");
     }
     let local = resolve("ENU:140.5,-35.25,12.5").unwrap();
-    let origin = LocalOrigin { longitude_deg: 140.5, latitude_deg: -35.25, height_m: 12.5 };
+    let origin = LocalOrigin { longitude_deg: 140.5, latitude_deg: -35.25, height_m: 12.5, is_ellipsoidal: false };
     assert_eq!(local.horizontal.system, System::Local(origin));
+    let local = resolve("ENU:140.5,-35.25,12.5,ellipsoid").unwrap();
+    assert_eq!(local.horizontal.system, System::Local(LocalOrigin { is_ellipsoidal: true, ..origin }));
 }
 
 #[test]

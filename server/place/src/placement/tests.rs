@@ -200,6 +200,15 @@ fn local_metres_turn_around_their_origin() {
     assert_near(placement.position([1500.0, -2500.0, 40.0]).unwrap(), expected, 1e-4);
     let origin = placement.position([0.0, 0.0, 0.0]).unwrap();
     assert!((origin[2] - 3.0).abs() < 1e-6, "{origin:?}");
+    // The geoid is some 35 m above the ellipsoid there.
+    let mut placement = world.place("b", &east_first("ENU:140.11458539,35.61016729,0,ellipsoid")).unwrap();
+    placement.settle(&mut world, "b", [0.0, 0.0, 0.0]).unwrap();
+    let on_ellipsoid = placement.position([0.0, 0.0, 0.0]).unwrap();
+    assert!(
+        (-40.0..-30.0).contains(&on_ellipsoid[2]) && (on_ellipsoid[0] - origin[0]).abs() < 1e-3,
+        "{on_ellipsoid:?}"
+    );
+    assert!(placement.warnings().iter().any(|warning| warning.contains("0 above the ellipsoid")));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::order::{AxisOrders, FAR_DEG};
 use super::transform::Transform;
 use super::{Placed, Placement, national};
 use crate::crs::geoid::{Geoid, GridFolder};
-use crate::crs::{Crs, CrsError, Definition, System, Vertical, VerticalDatum};
+use crate::crs::{Crs, CrsError, Definition, LocalOrigin, System, Vertical, VerticalDatum};
 use crate::earth_place::EarthPlace;
 use crate::{PlacingOptions, crs};
 use insula_source::error::InputError;
@@ -26,6 +26,8 @@ const EGM96_CODE: u32 = 5773;
 const EGM96_ERROR_M: f64 = 1.0;
 /// Smaller errors of a datum's shift are not worth a warning.
 const NOTED_SHIFT_ERROR_M: f64 = 0.1;
+/// Of meshes around a place of which only longitude and latitude are told.
+const UNTOLD_HEIGHT: &str = "the height of the origin is not told, taken as 0 above the ellipsoid; give --at LON,LAT,H if meshes lie too high or low";
 /// Between its points, a side of a box of degrees leaves the box by less than this share of its length.
 const CURVE_SHARE: f64 = 1e-3;
 
@@ -146,6 +148,9 @@ impl World {
             self.adopt(&crs);
         }
         self.note_vertical(&crs, &mut warnings);
+        if matches!(crs.horizontal.system, System::Local(LocalOrigin { is_ellipsoidal: true, .. })) {
+            warnings.push(UNTOLD_HEIGHT.to_owned());
+        }
         let transform = self.transform(label, &input, &mut warnings)?;
         let placed = Placed {
             reference: reference.clone(),
@@ -439,6 +444,9 @@ fn is_plain(input: &SourceInput) -> bool {
 /// The origin of a local system with its height above the ellipsoid; `None` for geocentric systems.
 fn local_origin(input: &SourceInput, geoid: &Geoid) -> Result<Option<Geodetic>, String> {
     let System::Local(origin) = input.horizontal.system else { return Ok(None) };
+    if origin.is_ellipsoidal {
+        return Ok(Some(origin_without_geoid(origin)));
+    }
     let undulation_m = geoid.undulation_m(origin.longitude_deg, origin.latitude_deg);
     let undulation_m = undulation_m.ok_or("the origin of its local system is not on Earth")?;
     let mut geodetic = origin_without_geoid(origin);
