@@ -492,3 +492,19 @@ fn each_header_of_sequences_in_one_file_counts() {
     let [west, east] = range(&scene, 0);
     assert!((east - west - 102.0).abs() < 1e-3, "{west} to {east}");
 }
+
+#[test]
+fn a_header_does_not_have_the_system_of_the_one_before() {
+    let header = |x: u32, metadata: &str| {
+        let transform = format!(r#"{{"scale": [1, 1, 1], "translate": [{x}, 446000, 0]}}"#);
+        format!(
+            r#"{{"type": "CityJSON", "version": "2.0"{metadata}, "transform": {transform}, "CityObjects": {{}}, "vertices": []}}"#
+        )
+    };
+    let named = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/7415"}"#;
+    let text = [header(85_000, named), feature("a"), header(85_100, ""), feature("b")].join("\n");
+    let (scene, report) = embedded(&[("a.city.jsonl", text.as_bytes())]).unwrap();
+    let guess = &report.sources[0].problems[NO_CRS];
+    assert_eq!((scene.objects.len(), guess.count), (2, 1));
+    assert!(guess.first[0].contains("EPSG:28992, that of the city"), "{:?}", guess.first);
+}

@@ -95,7 +95,7 @@ fn read_document(
     if document.kind.as_deref() != Some("CityJSON") {
         return Err(unknown_type(input.label, document.kind));
     }
-    let is_latitude_first = begin(input.label, &document, sink)?;
+    let is_latitude_first = begin(input.label, &document, true, sink)?;
     let appearance: CityJsonAppearance = parse_member(document.appearance, "appearance", sink);
     let templates: GeometryTemplates = parse_member(document.templates, "geometry-templates", sink);
     let shared = SharedMembers {

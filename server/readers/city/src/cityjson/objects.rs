@@ -26,15 +26,25 @@ const MOST_METRES: f64 = 1000.0;
 const TICK_OBJECTS: usize = 256;
 
 /// Checks a document or header, and passes on what it says of the whole. Returns whether positions are latitudes and longitudes.
-/// Fails if its version or coordinate system is not supported.
-pub(super) fn begin(label: &str, header: &CityJsonDocument<'_>, sink: &mut dyn ObjectSink) -> Result<bool, InputError> {
+/// Fails if its version or coordinate system is not supported. A header that names no system, after others, does not have theirs.
+pub(super) fn begin(
+    label: &str,
+    header: &CityJsonDocument<'_>,
+    is_first: bool,
+    sink: &mut dyn ObjectSink,
+) -> Result<bool, InputError> {
     let version = header.version.as_deref().unwrap_or("");
     if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
         let what = format!("its version is CityJSON {version}; cjio's command upgrade makes it a newer one");
         return Err(InputError::unsupported(label, what));
     }
     let metadata = header.metadata.and_then(|raw| serde_json::from_str(raw.get()).ok());
-    let Some(name) = metadata.and_then(|metadata| metadata::describe(&metadata, sink)) else { return Ok(false) };
+    let Some(name) = metadata.and_then(|metadata| metadata::describe(&metadata, sink)) else {
+        if !is_first {
+            sink.set_crs(&CrsReference::east_first(""))?;
+        }
+        return Ok(false);
+    };
     let is_latitude_first = is_latitude_first(&name);
     // As the specification says: the order of the system's definition. Writers follow it for degrees, and mostly not for
     // projected systems whose definition begins with the northing.

@@ -62,7 +62,7 @@ fn read_sequence(
     if header.kind.as_deref() != Some("CityJSON") {
         return Err(InputError::unsupported(label, "its first line is not a CityJSON header"));
     }
-    let is_latitude_first = begin(label, &header, sink)?;
+    let is_latitude_first = begin(label, &header, lines.number == 1, sink)?;
     let appearance: CityJsonAppearance = parse_member(header.appearance.take(), "appearance", sink);
     let templates: GeometryTemplates = parse_member(header.templates.take(), "geometry-templates", sink);
     let shared = SharedMembers {

@@ -71,6 +71,9 @@ pub(crate) struct FeatureWriter<'a> {
     crs: Option<CrsReference>,
     /// Whether the system is settled, named or guessed.
     is_placed: bool,
+    /// That of the layer, if it is named, and whether features of it have named systems of their own.
+    layer_crs: Option<String>,
+    has_own_crs: bool,
     /// Wanted area, if features outside are left out.
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
@@ -95,6 +98,8 @@ impl<'a> FeatureWriter<'a> {
             height_field: input.height_field,
             crs: None,
             is_placed: false,
+            layer_crs: None,
+            has_own_crs: false,
             bbox_deg,
             is_in_degrees: false,
             level_polygons,
@@ -112,7 +117,8 @@ impl<'a> FeatureWriter<'a> {
         self.decisive = [0; 2];
         self.guesses.clear();
         self.layer = layer;
-        self.is_placed = false;
+        (self.is_placed, self.has_own_crs) = (false, false);
+        self.layer_crs.clone_from(&crs);
         match crs {
             Some(crs) => self.set_crs(crs),
             None => Ok(()),
@@ -122,7 +128,37 @@ impl<'a> FeatureWriter<'a> {
     /// Sets the system of the following features, with east first, as the formats say and most writers have it. Fails if positions of
     /// it cannot be placed.
     pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
-        self.set_reference(CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) })
+        self.set_reference(mostly_east_first(name))
+    }
+
+    /// Sets the system that the next feature has for itself. Fails if positions of it cannot be placed.
+    pub(super) fn set_own_crs(&mut self, crs: CrsReference) -> Result<(), InputError> {
+        self.has_own_crs = true;
+        self.set_reference(crs)
+    }
+
+    /// The same by a code of EPSG, if the next feature has one.
+    pub(super) fn set_srid(&mut self, srid: Option<u32>) -> Result<(), InputError> {
+        match srid.filter(|srid| *srid > 0) {
+            Some(srid) => self.set_own_crs(mostly_east_first(format!("EPSG:{srid}"))),
+            None => self.set_layer_crs(),
+        }
+    }
+
+    /// Sets the system of the next feature, which has none for itself: that of the layer. That of the feature before is none of its own,
+    /// and where nothing else is known, a guess. Fails if positions of it cannot be placed.
+    pub(super) fn set_layer_crs(&mut self) -> Result<(), InputError> {
+        if !self.has_own_crs {
+            return Ok(());
+        }
+        match self.layer_crs.clone() {
+            Some(crs) => self.set_crs(crs),
+            None => {
+                let what = "features without a system are taken in that of the feature before";
+                self.sink.problem(NO_CRS, format!("{}: {what}", self.layer.name));
+                Ok(())
+            }
+        }
     }
 
     /// As [`Self::set_crs`], with coordinates in the order of the reference.
@@ -355,6 +391,11 @@ impl<'a> FeatureWriter<'a> {
         }
         Ok(())
     }
+}
+
+/// A system with east first, as most writers have it.
+pub(super) fn mostly_east_first(name: String) -> CrsReference {
+    CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) }
 }
 
 /// Whether an extent is outside of a wanted area, in degrees. Its longitudes may be those of 0 to 360 degrees. Those that are no numbers

@@ -25,6 +25,19 @@ pub(super) struct LayerJson {
     pub(super) layers: Option<Vec<SublayerJson>>,
 }
 
+impl LayerJson {
+    /// The layer with the coordinate system of the one around it, if it names none of its own.
+    pub(super) fn within(self, around: &Self) -> Self {
+        let has_own =
+            self.spatial_reference.is_some() || self.store.as_ref().is_some_and(|store| store.vertex_crs.is_some());
+        if has_own {
+            return self;
+        }
+        let height_model_info = self.height_model_info.or_else(|| around.height_model_info.clone());
+        Self { spatial_reference: around.spatial_reference.clone(), height_model_info, ..self }
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct SublayerJson {
@@ -35,7 +48,7 @@ pub(super) struct SublayerJson {
     pub(super) sublayers: Option<Vec<SublayerJson>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Clone, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct SpatialReferenceJson {
     pub(super) wkid: Option<i64>,
@@ -45,7 +58,7 @@ pub(super) struct SpatialReferenceJson {
     pub(super) wkt: Option<String>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Clone, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct HeightModelJson {
     pub(super) height_model: Option<String>,

@@ -60,7 +60,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     {
         for sublayer in layers.iter().take(MAX_SUBLAYERS) {
             let folder = joined(&folder, &format!("layers/{}", sublayer.id.unwrap_or(0)));
-            read_sublayer(&files, &folder, sublayer, None, sink)?;
+            read_sublayer(&files, &folder, (&layer, sublayer), None, sink)?;
         }
         return Ok(());
     }
@@ -139,7 +139,7 @@ fn read_building(
         let kind = if has_overview { FeatureKind::Building } else { FeatureKind::BuildingPart };
         let source_type = sublayer.model_name.as_deref().unwrap_or("Building");
         let folder = joined(folder, &format!("sublayers/{}", sublayer.id.unwrap_or(0)));
-        read_sublayer(files, &folder, sublayer, Some(Objects { kind, source_type }), sink)?;
+        read_sublayer(files, &folder, (layer, sublayer), Some(Objects { kind, source_type }), sink)?;
     }
     Ok(())
 }
@@ -157,11 +157,12 @@ fn collect_sublayers<'l>(sublayers: &'l [SublayerJson], depth: u32, leaves: &mut
     }
 }
 
-/// Reads a layer whose document lies in its folder. One that cannot be read is skipped.
+/// Reads a layer whose document lies in its folder, and which has the coordinate system of the one around it if it names none. One that
+/// cannot be read is skipped.
 fn read_sublayer(
     files: &TileFiles<'_>,
     folder: &str,
-    sublayer: &SublayerJson,
+    (around, sublayer): (&LayerJson, &SublayerJson),
     objects: Option<Objects<'_>>,
     sink: &mut dyn ObjectSink,
 ) -> Result<(), InputError> {
@@ -170,7 +171,7 @@ fn read_sublayer(
         .json::<LayerJson>(&joined(folder, "3dSceneLayer"))
         .or_else(|first| resources.json(folder).map_err(|_| first));
     let layer = match document {
-        Ok(layer) => layer,
+        Ok(layer) => layer.within(around),
         Err(what) => {
             let name = sublayer.name.as_deref().unwrap_or("sublayer");
             sink.skip("layer cannot be read", format!("{name}: {what}"));

@@ -213,6 +213,22 @@ fn buildings_are_read_by_their_overview() {
 }
 
 #[test]
+fn a_sublayer_has_the_system_of_its_building() {
+    let folder = tempfile::tempdir().unwrap();
+    let building = json!({"layerType": "Building", "spatialReference": {"wkid": 25832}, "sublayers": [
+        {"id": 1, "layerType": "3DObject", "modelName": "Overview"}]});
+    write(folder.path(), "3dSceneLayer.json", building.to_string().as_bytes());
+    write_layer(&folder.path().join("sublayers/1"));
+    let mut layer = layer();
+    layer.as_object_mut().unwrap().remove("spatialReference");
+    layer.as_object_mut().unwrap().remove("heightModelInfo");
+    write(folder.path(), "sublayers/1/3dSceneLayer.json", layer.to_string().as_bytes());
+    let (sink, result) = read_at(folder.path(), "3dSceneLayer.json", None);
+    result.unwrap();
+    assert_eq!(sink.crs.iter().map(|crs| crs.name.as_str()).collect::<Vec<_>>(), ["EPSG:25832"]);
+}
+
+#[test]
 fn layers_without_surfaces_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (json, expected) in [("{\"layerType\":\"PointCloud\"}", "PointCloud"), ("{}", "not the document")] {

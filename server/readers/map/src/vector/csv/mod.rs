@@ -256,8 +256,8 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
     if let Ok(Some(own)) = parsed {
         srid = Some(own);
     }
-    if let Some(srid) = srid.filter(|srid| *srid > 0) {
-        writer.set_crs(format!("EPSG:{srid}"))?;
+    if parsed.is_ok() {
+        writer.set_srid(srid)?;
     }
     writer.add(Some(format!("line {line}")), attributes, parsed.map(|_| geometry))
 }

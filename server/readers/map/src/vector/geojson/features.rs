@@ -2,7 +2,7 @@
 
 use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, name_of};
-use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
+use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature, mostly_east_first};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Columns;
 use insula_dress::footprint::{HeightHints, has_height, kind_of};
@@ -192,11 +192,11 @@ impl<'a> FeatureReader<'a> {
                 Ok(geometry)
             }
             Ok((geometry, Some(OwnSystem::Place(name)))) => {
-                self.writer.set_reference(CrsReference::authority(name))?;
+                self.writer.set_own_crs(CrsReference::authority(name))?;
                 Ok(geometry)
             }
             Ok((geometry, Some(OwnSystem::Member(name)))) => {
-                self.writer.set_crs(name)?;
+                self.writer.set_own_crs(mostly_east_first(name))?;
                 Ok(geometry)
             }
             Err(Fault { reason, detail: None }) => Err(reason),
@@ -245,7 +245,7 @@ impl<'a> FeatureReader<'a> {
         let name = match system {
             GeometrySystem::Named(name) => name.clone(),
             GeometrySystem::Prescribed => DEGREES.to_owned(),
-            GeometrySystem::OfCity => return Ok(()),
+            GeometrySystem::OfCity => return self.writer.set_layer_crs(),
         };
         self.writer.set_crs(name)
     }

@@ -230,8 +230,8 @@ impl Source<'_> {
         writer: &mut FeatureWriter<'_>,
     ) -> Result<Result<Geometry, &'static str>, InputError> {
         let parsed = geometries.at(row);
-        if let (Ok((_, Some(srid @ 1..))), None) = (&parsed, &self.geo.crs) {
-            writer.set_crs(format!("EPSG:{srid}"))?;
+        if let (Ok((_, srid)), None) = (&parsed, &self.geo.crs) {
+            writer.set_srid(*srid)?;
         }
         Ok(parsed.map(|(geometry, _)| geometry))
     }

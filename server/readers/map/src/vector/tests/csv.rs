@@ -4,7 +4,8 @@ use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_csv;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Shape;
-use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED};
+use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED, NO_CRS};
+use insula_source::testing::TestSink;
 
 #[test]
 fn values_are_typed_and_geometries_found() {
@@ -58,6 +59,18 @@ fn delimiters_names_and_encodings() {
     assert_eq!(codes.crs.iter().map(|crs| crs.name.as_str()).collect::<Vec<_>>(), ["EPSG:6677", "EPSG:28992"]);
     let beside = read(read_csv, &[("a.csv", b"wkt,n\nPOINT(1 2),7\n"), ("a.prj", b"PROJCS[\"x\"]")]);
     assert_eq!(beside.crs[0].name, "PROJCS[\"x\"]");
+}
+
+#[test]
+fn the_system_of_a_line_before_is_none_of_its_own() {
+    let lines = b"wkt,n\nSRID=28992;POINT(85000 446000),1\nPOINT(85010 446000),2\n";
+    let names = |sink: &TestSink| sink.crs.iter().map(|crs| crs.name.clone()).collect::<Vec<_>>();
+    let alone = read(read_csv, &[("t.csv", lines)]);
+    assert_eq!(names(&alone), ["EPSG:28992"]);
+    assert!(alone.problems.iter().any(|(kind, what)| *kind == NO_CRS && what.contains("that of the feature before")));
+    let of_table = read(read_csv, &[("t.csv", lines), ("t.prj", b"PROJCS[\"x\"]")]);
+    assert_eq!(names(&of_table), ["PROJCS[\"x\"]", "EPSG:28992", "PROJCS[\"x\"]"]);
+    assert!(of_table.problems.iter().all(|(kind, _)| *kind != NO_CRS));
 }
 
 #[test]
