@@ -8,6 +8,8 @@ pub const MISSING_HEIGHTS: &str = "heights out of range, taken as missing";
 pub const COARSE_TERRAIN: &str = "elevation model too large, its terrain is coarser";
 /// Kind of the problem that an elevation model has heights of exactly 0 far below all others.
 pub const ODD_ZEROS: &str = "heights of exactly 0 far below all others, taken as heights";
+/// Kind of the problem that flat areas have heights of exactly 0 everywhere, as sources write it that know none.
+pub const ZERO_HEIGHTS: &str = "flat areas at a height of exactly 0 laid on the ground";
 /// Kind of the problem that a position of a map has a height that is none on land.
 pub const MISSING_GROUND: &str = "height of the ground out of range, taken as missing";
 /// Kind of the problem that a source names no coordinate system.
@@ -122,8 +124,8 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
     SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, MARK_GUESSED,
-    NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME,
-    TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
+    NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, ZERO_HEIGHTS, MISSING_GROUND, KIND_BY_NAME,
+    KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

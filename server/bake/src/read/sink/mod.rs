@@ -31,7 +31,7 @@ use insula_source::input::Input;
 use insula_source::object::{
     CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, WholeBuilding,
 };
-use insula_source::problems::{EITHER_ORDER, MIRRORED, MISSING_GROUND, NO_CRS};
+use insula_source::problems::{EITHER_ORDER, MIRRORED, MISSING_GROUND, NO_CRS, ZERO_HEIGHTS};
 use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
 use insula_source::subject;
@@ -39,6 +39,7 @@ use materials::MaterialTable;
 use mesh_place::UnplacedMesh;
 use mesh_shape::MeshShape;
 use outward::FacingCounts;
+use plans::areas_without_heights;
 use told_heights::ToldHeights;
 
 /// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
@@ -277,7 +278,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     }
 
     /// Adds an object, of a whole building if that is known.
-    fn take(&mut self, object: SourceObject, whole: Option<WholeBuilding<'_>>) -> Result<(), InputError> {
+    fn take(&mut self, mut object: SourceObject, whole: Option<WholeBuilding<'_>>) -> Result<(), InputError> {
         subject::set(format_args!("{}: object {}", self.report.path, object.id));
         if self.context.holds_too_much() {
             let limit = human_bytes(self.context.options.max_held_bytes);
@@ -296,6 +297,12 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         {
             self.seek_place(&first)?;
             self.context.settle(&mut self.placement, &self.source.label, first)?;
+        }
+        if let Some(areas) = areas_without_heights(&object) {
+            object.shape = Shape::Footprints(areas);
+            if matches!(self.placement, Placement::Known(_)) {
+                self.report.problem(ZERO_HEIGHTS, || object.id.clone());
+            }
         }
         match &object.shape {
             Shape::None => {

@@ -1,4 +1,4 @@
-//! Buildings of level of detail 0: their plans are extruded if attributes tell the height.
+//! Buildings of level of detail 0: their plans are extruded if attributes tell the height. Flat areas whose heights are not known.
 
 use super::SceneSink;
 use insula_dress::footprint::{BuildingHeight, has_height};
@@ -47,6 +47,20 @@ impl SceneSink<'_, '_, '_> {
         };
         Some(plans.iter().filter(is_lowest).map(footprint).collect())
     }
+}
+
+/// The areas of a flat object whose heights are exactly 0 everywhere; `None` of all other objects. Its source knows none, as that of roads
+/// and land use of PLATEAU: they lie on the ground. What has colours of its own stays as it is.
+pub(super) fn areas_without_heights(object: &SourceObject) -> Option<Vec<Footprint>> {
+    let Shape::Surfaces { polygons, meshes } = &object.shape else { return None };
+    let is_flat = matches!(object.kind, FeatureKind::Road | FeatureKind::Rail | FeatureKind::LandUse);
+    let is_plain = meshes.is_empty() && polygons.iter().all(|surface| surface.material.is_none());
+    let is_at_zero = || polygons.iter().flat_map(|surface| &surface.points).all(|point| point[2] == 0.0);
+    if !(is_flat && is_plain && !polygons.is_empty() && is_at_zero()) {
+        return None;
+    }
+    let footprint = |surface: &Surface| Footprint { rings: rings(surface), ground: None, is_supported: false };
+    Some(polygons.iter().map(footprint).collect())
 }
 
 /// Whether a polygon lies below another one with about the same box on the map: the ground of a building, and the outline of its roof

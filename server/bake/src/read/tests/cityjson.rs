@@ -5,7 +5,7 @@ use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::affine::TRANSPOSED;
-use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS, NO_TRANSFORM};
+use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS, NO_TRANSFORM, ZERO_HEIGHTS};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
@@ -507,4 +507,19 @@ fn a_header_does_not_have_the_system_of_the_one_before() {
     let guess = &report.sources[0].problems[NO_CRS];
     assert_eq!((scene.objects.len(), guess.count), (2, 1));
     assert!(guess.first[0].contains("EPSG:28992, that of the city"), "{:?}", guess.first);
+}
+
+#[test]
+fn roads_at_zero_lie_on_the_ground() {
+    let more = r#", "transform": {"scale": [1, 1, 1], "translate": [85000, 446000, 0]},
+        "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/7415"}"#;
+    let road = |id: &str, face: &str| {
+        let geometry = format!(r#"{{"type": "MultiSurface", "lod": "1", "boundaries": [[{face}]]}}"#);
+        object(id, &geometry).replace("Building", "Road")
+    };
+    let text = document(&format!("{}, {}", road("r", "[0,1,2,3]"), road("bridge", "[4,5,6,7]")), more);
+    let options = ReadOptions { level_ground: true, ..all_objects() };
+    let (_, report) = read_embedded(&[("a.city.json", text.as_bytes())], &options, &|_| {}).unwrap();
+    let source = &report.sources[0];
+    assert_eq!((source.painted, &source.problems[ZERO_HEIGHTS].first[..]), (1, &["r".to_owned()][..]));
 }
