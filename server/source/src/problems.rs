@@ -34,6 +34,8 @@ pub const FEW_CORNERS: &str = "ring of fewer than three corners";
 pub const GUESSED: &str = "height guessed";
 /// Note of a value that should be a height, and is none.
 pub const NOT_UNDERSTOOD: &str = "height not understood";
+/// Note of a base that is not below the top.
+pub const BASE_ABOVE_TOP: &str = "base not below the top, taken as 0";
 /// Note of an attribute with several values, of which one is wanted.
 pub const SEVERAL_VALUES: &str = "several values in one attribute, the first counts";
 /// Note of a height by storeys.
@@ -44,6 +46,8 @@ pub const UNIT_GUESSED: &str = "unit of heights guessed";
 pub const CUT_NAME: &str = "base of a building by a name that a Shapefile has cut";
 /// Note of a height above sea level without that of the ground.
 pub const NO_GROUND_HEIGHT: &str = "height above sea level without that of the ground, taken as above the ground";
+/// Kind of the problem that heights are above a ground that the source does not tell.
+pub const RELATIVE_HEIGHTS: &str = "heights relative to the ground, taken as above sea level";
 /// Kinds of the problems of a coastline: the map is too wide for it.
 pub const TOO_WIDE: &str = "coast of a map that is wider than 1 degree, no sea made: give --bbox";
 /// It has a gap.
@@ -123,9 +127,10 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
-    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, SEVERAL_VALUES, ENCODING_GUESSED, MARK_GUESSED,
-    NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, ZERO_HEIGHTS, MISSING_GROUND, KIND_BY_NAME,
-    KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP, GLTF_UP,
+    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, BASE_ABOVE_TOP, RELATIVE_HEIGHTS, SEVERAL_VALUES,
+    ENCODING_GUESSED, MARK_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, ZERO_HEIGHTS,
+    MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP,
+    GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

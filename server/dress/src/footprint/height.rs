@@ -4,8 +4,8 @@ use super::height_names::{self, FIRST, HeightRole, NamedHeight, UnitGuess};
 use super::lengths::{grouped_metres, metres, named_lengths, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::problems::{
-    CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, MARK_GUESSED, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, SEVERAL_VALUES,
-    UNIT_GUESSED,
+    BASE_ABOVE_TOP, CUT_NAME, GUESSED, GUESSED_FROM_LEVELS, MARK_GUESSED, NO_GROUND_HEIGHT, NOT_UNDERSTOOD,
+    SEVERAL_VALUES, UNIT_GUESSED,
 };
 use insula_source::text::values_of;
 use insula_source::units::{HeightUnit, metres_of};
@@ -75,7 +75,7 @@ impl BuildingHeight {
             if base_m < top_m {
                 return Self { base_m, top_m, is_without_roof: false };
             }
-            note("base not below the top, taken as 0", &format!("{base_m} to {top_m}"));
+            note(BASE_ABOVE_TOP, &format!("{base_m} to {top_m}"));
             return Self { base_m: 0.0, top_m, is_without_roof: false };
         }
         let base_m = base_m.unwrap_or(0.0);
@@ -411,7 +411,7 @@ mod tests {
             assert_eq!(notes, [NOT_UNDERSTOOD, GUESSED_FROM_LEVELS], "{text}");
         }
         let upside_down = height(r#"{"height": 5, "min_height": 5}"#);
-        assert_eq!(upside_down, (0.0, 5.0, vec!["base not below the top, taken as 0".to_owned()]));
+        assert_eq!(upside_down, (0.0, 5.0, vec![BASE_ABOVE_TOP.to_owned()]));
     }
 
     #[test]

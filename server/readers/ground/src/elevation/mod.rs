@@ -172,6 +172,7 @@ impl Elevation {
         if let Some(unit) = &facts.unknown_unit {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }
+        warnings.extend(facts.odd_number.clone());
         warnings.extend(facts.crs.other_unit.clone());
         warnings.extend(guess.map(str::to_owned));
         let place = match facts.place {

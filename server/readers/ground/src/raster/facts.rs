@@ -110,6 +110,8 @@ pub(crate) struct RasterFacts {
     pub(crate) levels: Vec<RasterSize>,
     /// The file's name of its unit of height, if it is not known.
     pub(crate) unknown_unit: Option<String>,
+    /// What to tell of a number that is none.
+    pub(crate) odd_number: Option<String>,
     /// Another image in the file tells which pixels are valid.
     pub(crate) has_mask: bool,
 }
@@ -126,6 +128,7 @@ impl RasterFacts {
             crs: RasterCrs::default(),
             nodata: None,
             unknown_unit: None,
+            odd_number: None,
             levels: vec![size],
             has_mask: false,
         }

@@ -1,6 +1,7 @@
 //! Files beside the source.
 
 use insula_source::input::Input;
+use insula_source::text::{decoded, likely_encoding};
 
 /// The names that a file beside the source can have: the source's with another extension, in usual spellings.
 pub(super) fn sibling_names(name: &str, extension: &str) -> Vec<String> {
@@ -37,7 +38,7 @@ pub(super) fn attribution_beside(input: &Input<'_>) -> Option<String> {
 fn small_text(input: &Input<'_>, name: &str) -> Option<String> {
     const MAX_TEXT_BYTES: u64 = 1 << 16;
     let bytes = Input { name, ..*input }.read_all(MAX_TEXT_BYTES).ok()?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = decoded(&bytes, likely_encoding(&bytes).page);
     let text = text.trim_start_matches('\u{feff}').trim();
     (!text.is_empty()).then(|| text.to_owned())
 }

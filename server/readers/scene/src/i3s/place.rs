@@ -23,6 +23,8 @@ pub(super) struct LayerPlace {
     pub(super) height_offset_m: f64,
     /// A unit of heights that is not known.
     pub(super) unknown_unit: Option<String>,
+    /// Whether heights are above a ground that the layer does not tell.
+    pub(super) is_relative: bool,
 }
 
 impl LayerPlace {
@@ -58,6 +60,8 @@ impl LayerPlace {
         let offset_m = offset.and_then(|elevation| {
             Some(elevation.offset? * elevation.unit.as_deref().and_then(metres_of).unwrap_or(1.0))
         });
+        let mode = elevation.and_then(|elevation| elevation.mode.as_deref());
+        let is_relative = matches!(mode, Some("relativeToGround" | "onTheGround"));
         let unit = model.and_then(|model| model.height_unit.as_deref()).filter(|unit| !unit.trim().is_empty());
         let unit_m = unit.and_then(metres_of);
         let unknown_unit = unit.filter(|_| unit_m.is_none()).map(str::to_owned);
@@ -71,6 +75,7 @@ impl LayerPlace {
             height_unit_m: unit_m.unwrap_or(1.0),
             height_offset_m: offset_m.filter(|offset| offset.is_finite()).unwrap_or(0.0),
             unknown_unit,
+            is_relative,
         }
     }
 }
@@ -141,6 +146,7 @@ mod tests {
             assert_eq!((place.height_unit_m, place.crs.unwrap().height_unit_m), (unit_m, of_system), "{json}");
         }
         let raised = place(r#"{"elevationInfo":{"mode":"absoluteHeight","offset":10,"unit":"foot"}}"#);
-        assert_eq!(raised.height_offset_m, 3.048);
+        assert_eq!((raised.height_offset_m, raised.is_relative), (3.048, false));
+        assert!(place(r#"{"elevationInfo":{"mode":"relativeToGround","offset":10}}"#).is_relative);
     }
 }

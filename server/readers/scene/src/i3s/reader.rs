@@ -12,7 +12,7 @@ use crate::tiles3d::kind;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, Shape, SourceObject, TriangleMesh, Wrap};
-use insula_source::problems::UNIT_GUESSED;
+use insula_source::problems::{RELATIVE_HEIGHTS, UNIT_GUESSED};
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -69,6 +69,10 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         }
         if let Some(unit) = &self.place.unknown_unit {
             self.sink.problem(UNIT_GUESSED, format!("heights in {unit}, which is not known, taken as metres"));
+        }
+        if self.place.is_relative {
+            let name = self.layer.name.as_deref().unwrap_or("layer");
+            self.sink.problem(RELATIVE_HEIGHTS, name.to_owned());
         }
         let mut nodes = Nodes::new(self.layer);
         let mut first_error = None;

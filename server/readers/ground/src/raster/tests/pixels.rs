@@ -154,6 +154,13 @@ fn missing_values_and_scales() {
     let raster = open(&bytes).unwrap();
     assert_eq!((raster.facts().nodata, raster.facts().sample), (Some(0.0), SampleKind::U8));
     assert_eq!((raster.facts().crs.height_unit_m, raster.warning()), (Some(0.3048), None));
+    assert_eq!(raster.facts().odd_number, None);
+    let metadata = "<GDALMetadata><Item name=\"SCALE\" sample=\"0\" role=\"scale\">0,5</Item>\
+        <Item name=\"OFFSET\" sample=\"0\" role=\"offset\">abc</Item></GDALMetadata>";
+    let bytes = TestImage::new([3, 1], 1, [8, 1], vec![0, 1, 250]).tag(42112, Values::Text(metadata)).file();
+    assert_heights(&heights(&bytes, 0), &[0.0, 0.5, 125.0]);
+    let odd = "its offset \"abc\" is no number and does not count";
+    assert_eq!(open(&bytes).unwrap().facts().odd_number.as_deref(), Some(odd));
 }
 
 #[test]

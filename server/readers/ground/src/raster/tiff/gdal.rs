@@ -3,6 +3,7 @@
 use super::super::error::RasterError;
 use super::super::facts::SampleKind;
 use super::directory::{Directory, TiffFile};
+use insula_source::decimal_mark::DecimalMark;
 use insula_source::units::metres_of;
 
 const METADATA: u16 = 42112;
@@ -24,6 +25,8 @@ pub(super) struct GdalTags {
     pub(super) height_unit_m: Option<f64>,
     /// A unit of height that is not known.
     pub(super) unknown_unit: Option<String>,
+    /// What to tell of a number that is none, and so does not count.
+    pub(super) odd_number: Option<String>,
     /// The largest number of any band.
     pub(super) maximum: Option<f64>,
     /// The bands with red, green and blue, if each has its name.
@@ -32,12 +35,16 @@ pub(super) struct GdalTags {
 
 impl GdalTags {
     pub(super) fn read(file: &mut TiffFile, directory: &Directory, sample: SampleKind) -> Result<Self, RasterError> {
-        let nodata = file.text(directory, NODATA)?.and_then(|text| text.trim().parse().ok());
+        let mark = file.text(directory, NODATA)?.filter(|text| !text.trim().is_empty());
+        let nodata = mark.as_deref().and_then(number_of);
         let metadata = file.text(directory, METADATA)?.unwrap_or_default();
-        let number = |role: &str| {
-            let text = item(&metadata, role)?;
-            text.trim().parse::<f64>().ok().filter(|number| number.is_finite())
-        };
+        let number = |role: &str| number_of(item(&metadata, role)?).filter(|number| number.is_finite());
+        let told = [("scale", item(&metadata, "scale")), ("offset", item(&metadata, "offset"))];
+        let told = told.into_iter().chain([("mark of missing heights", mark.as_deref())]);
+        let odd_number = told
+            .filter_map(|(what, text)| Some((what, text?.trim())))
+            .find(|(_, text)| number_of(text).is_none())
+            .map(|(what, text)| format!("its {what} \"{text}\" is no number and does not count"));
         let unit = item(&metadata, "unittype").map(str::trim).filter(|unit| !unit.is_empty());
         Ok(Self {
             nodata: nodata.map(|number| sample.rounded(number)),
@@ -47,10 +54,17 @@ impl GdalTags {
             },
             height_unit_m: unit.and_then(metres_of),
             unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
+            odd_number,
             maximum: maximum(&metadata),
             colours: colours(&metadata),
         })
     }
+}
+
+/// A number, also with a comma before its decimals.
+fn number_of(text: &str) -> Option<f64> {
+    let text = text.trim();
+    text.parse().ok().or_else(|| DecimalMark::Comma.number(text))
 }
 
 /// The text of an item of the first band, such as `<Item name="SCALE" sample="0" role="scale">0.1</Item>`.

@@ -76,6 +76,7 @@ impl TiffRaster {
             control_points: tags.control_points(),
             crs: RasterCrs { height_unit_m: gdal.height_unit_m.or(crs.height_unit_m), ..crs },
             unknown_unit: gdal.unknown_unit,
+            odd_number: gdal.odd_number,
             nodata: gdal.nodata,
             ..RasterFacts::new(main.layout.size, main.layout.sample)
         };

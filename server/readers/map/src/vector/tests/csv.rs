@@ -3,7 +3,7 @@
 use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_csv;
 use insula_source::attributes::AttributeValue;
-use insula_source::object::Shape;
+use insula_source::object::{Description, Shape};
 use insula_source::problems::{ENCODING_GUESSED, MARK_GUESSED, NO_CRS};
 use insula_source::testing::TestSink;
 
@@ -71,6 +71,12 @@ fn the_system_of_a_line_before_is_none_of_its_own() {
     let of_table = read(read_csv, &[("t.csv", lines), ("t.prj", b"PROJCS[\"x\"]")]);
     assert_eq!(names(&of_table), ["PROJCS[\"x\"]", "EPSG:28992", "PROJCS[\"x\"]"]);
     assert!(of_table.problems.iter().all(|(kind, _)| *kind != NO_CRS));
+}
+
+#[test]
+fn an_attribution_beside_a_table_may_be_in_another_encoding() {
+    let sink = read(read_csv, &[("a.csv", b"wkt,n\nPOINT(1 2),7\n"), ("a.csv.txt", b"Stadt K\xf6ln\n")]);
+    assert_eq!(sink.described, [(Description::Attribution, "Stadt Köln".to_owned())]);
 }
 
 #[test]
