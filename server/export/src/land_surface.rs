@@ -1,7 +1,7 @@
 //! Land as a surface with few triangles, in place of the steps that its columns are.
 
 use crate::boxes::COLOUR_RANGE;
-use crate::geometry::{Geometry, NO_FEATURE, linear};
+use crate::geometry::{Geometry, linear};
 use crate::matrix::stretched;
 use glam::{DAffine3, DVec2, Vec3};
 use insula_protocol::blockmap::{MapColumn, NO_OBJECT};
@@ -24,7 +24,7 @@ pub(crate) struct LandSurface {
     pub(crate) heights: Vec<f64>,
     /// Linear light, 0 to 255.
     pub(crate) colours: Vec<[u8; 3]>,
-    /// Object of each place.
+    /// Object of each place, or its row in a property table.
     pub(crate) objects: Vec<u32>,
     pub(crate) triangles: Vec<[u32; 3]>,
 }
@@ -132,22 +132,62 @@ fn corner_height(map: &BlockMap, column: &MapColumn, [x, y]: [f32; 2]) -> f32 {
     middle - map.cell_m * (normal.x * x + normal.y * y) / normal.z
 }
 
+/// An edge that only one triangle of a surface has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BorderEdge {
+    pub(crate) triangle: usize,
+    /// The corner of the triangle with which it begins.
+    pub(crate) side: usize,
+    /// The places where it begins and ends, by their numbers.
+    pub(crate) ends: [u32; 2],
+}
+
+/// The heights that vertices of a file may have: with the same ones, surfaces meet on a common border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CommonHeights {
+    low_m: f64,
+    step_m: f64,
+}
+
+impl CommonHeights {
+    /// As fine as 16 bits can be for these heights.
+    pub(crate) fn over(heights_m: impl Iterator<Item = f64>) -> Self {
+        let (low, high) =
+            heights_m.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));
+        let low_m = if low.is_finite() { low } else { 0.0 };
+        Self { low_m, step_m: ((high - low) / f64::from(u16::MAX)).max(1e-6) }
+    }
+
+    fn nearest(self, height_m: f64) -> u16 {
+        ((height_m - self.low_m) / self.step_m).round() as u16
+    }
+}
+
 impl LandSurface {
-    /// Hangs a strip of this height from the border, so that no gap is seen between the surface and one beside it that is coarser or
-    /// finer.
-    pub(crate) fn add_skirt(&mut self, height_m: f64) {
-        let mut borders: BTreeMap<[u32; 2], Option<[u32; 2]>> = BTreeMap::new();
-        for [a, b, c] in &self.triangles {
-            for edge in [[*a, *b], [*b, *c], [*c, *a]] {
-                let name = [edge[0].min(edge[1]), edge[0].max(edge[1])];
-                borders.entry(name).and_modify(|known| *known = None).or_insert(Some(edge));
+    /// The edges on its border, in a fixed order.
+    pub(crate) fn border(&self) -> Vec<BorderEdge> {
+        let mut edges: BTreeMap<[u32; 2], Option<BorderEdge>> = BTreeMap::new();
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            for side in 0..3 {
+                let ends = [corners[side], corners[(side + 1) % 3]];
+                let name = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+                let edge = BorderEdge { triangle, side, ends };
+                edges.entry(name).and_modify(|known| *known = None).or_insert(Some(edge));
             }
         }
+        edges.into_values().flatten().collect()
+    }
+
+    /// Hangs a strip of this height from those edges of the border that are open, by the places of their ends: nothing else begins there
+    /// that has the same edge.
+    pub(crate) fn add_skirt(&mut self, height_m: f64, is_open: &dyn Fn([Place; 2]) -> bool) {
         let mut lower: BTreeMap<u32, u32> = BTreeMap::new();
-        for [a, b] in borders.into_values().flatten() {
-            let [low_a, low_b] =
-                [a, b].map(|v| *lower.entry(v).or_insert_with(|| self.add_below(v as usize, height_m)));
-            self.triangles.extend([[b, a, low_a], [b, low_a, low_b]]);
+        for BorderEdge { ends: [a, b], .. } in self.border() {
+            if is_open([a, b].map(|v| self.places[v as usize])) {
+                let [low_a, low_b] =
+                    [a, b].map(|v| *lower.entry(v).or_insert_with(|| self.add_below(v as usize, height_m)));
+                self.triangles.extend([[b, a, low_a], [b, low_a, low_b]]);
+            }
         }
     }
 
@@ -160,32 +200,19 @@ impl LandSurface {
         below
     }
 
-    /// The surface as glTF stores it, with `row` for the feature of an object, and the matrix from its grid to metres. `origin` and `step`
-    /// are those of the places, of which there must be fewer than 2^16 a side.
-    pub(crate) fn geometry(
-        self,
-        (origin, step): (DVec2, DVec2),
-        row: &mut dyn FnMut(u32) -> u32,
-    ) -> (Geometry, DAffine3) {
-        let heights = || self.heights.iter().copied();
-        let (low, high) =
-            heights().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));
-        let step_z = ((high - low) / f64::from(u16::MAX)).max(1e-6);
-        let position = |([x, y], z): (&Place, f64)| [*x as u16, *y as u16, ((z - low) / step_z).round() as u16];
+    /// The surface as glTF stores it, and the matrix from its grid to metres. Its objects must be rows of the property table, `origin` and
+    /// `step` are those of the places, of which there must be fewer than 2^16 a side.
+    pub(crate) fn geometry(self, (origin, step): (DVec2, DVec2), heights: CommonHeights) -> (Geometry, DAffine3) {
+        let position = |([x, y], z): (&Place, &f64)| [*x as u16, *y as u16, heights.nearest(*z)];
         let mut geometry = Geometry {
-            positions: self.places.iter().zip(heights()).map(position).collect(),
+            positions: self.places.iter().zip(&self.heights).map(position).collect(),
             colours: self.colours,
-            features: self
-                .objects
-                .iter()
-                .map(|object| if *object == NO_OBJECT { NO_FEATURE } else { row(*object) })
-                .collect(),
+            features: self.objects,
             indices: self.triangles.concat(),
             ..Geometry::default()
         };
         geometry.drop_empty_features();
-        let low = if low.is_finite() { low } else { 0.0 };
-        (geometry, stretched(step.extend(step_z), origin.extend(low)))
+        (geometry, stretched(step.extend(heights.step_m), origin.extend(heights.low_m)))
     }
 }
 
@@ -248,17 +275,20 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_skirt_hangs_from_the_border() {
+    fn a_skirt_hangs_from_the_open_border() {
         let mut land = land_of_columns(&slope(|_, _| true), &|_| true);
-        land.add_skirt(3.0);
-        // Two triangles for each of the four sides.
-        assert_eq!((land.triangles.len(), land.places.len()), (10, 8));
-        let (geometry, matrix) = land.geometry((DVec2::new(5.0, 6.0), DVec2::splat(2.0)), &mut |_| 0);
+        assert_eq!(land.border().len(), 4);
+        // All but the western side: two triangles for each of the other three.
+        land.add_skirt(3.0, &|ends| ends.iter().any(|[x, _]| *x > 0));
+        assert_eq!((land.triangles.len(), land.places.len()), (8, 8));
+        let heights = CommonHeights::over(land.heights.iter().copied());
+        let (geometry, matrix) = land.geometry((DVec2::new(5.0, 6.0), DVec2::splat(2.0)), heights);
         let heights: Vec<f64> =
             geometry.positions.iter().map(|p| matrix.transform_point3(p.map(f64::from).into()).z).collect();
         let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
         assert!((lowest - 5.0).abs() < 0.02, "{heights:?}");
         assert_eq!(matrix.translation.truncate(), DVec2::new(5.0, 6.0));
+        assert!(geometry.features.is_empty());
     }
 
     #[test]

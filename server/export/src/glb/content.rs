@@ -8,17 +8,14 @@ use super::objects::Chooser;
 use super::stone::Stones;
 use super::{ExportError, boxes};
 use crate::column_surfaces;
-use crate::land_surface::{has_one_colour, land_of_columns};
+use crate::land_surface::{LandSurface, has_one_colour, land_of_columns};
 use crate::leaves::is_land;
 use crate::selection::ObjectSelection;
 use crate::table::city::City;
-use glam::{DAffine3, DVec2};
+use glam::DAffine3;
 use insula_protocol::mesh_tile::{MAX_LODS, NO_OBJECT};
 use insula_protocol::{BlockMap, MeshTile, NODE_CELLS, TileId};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-
-/// Height of the strips that hang from borders of land, in cells: nodes beside each other differ by less.
-pub(super) const SKIRT_CELLS: f64 = 2.0;
 
 /// Puts parts of a city into GLBs.
 pub(crate) struct ContentWriter<'a> {
@@ -36,6 +33,15 @@ pub(crate) struct Shown {
     pub(crate) triangles: usize,
     /// Whether it comes from a mesh, otherwise from columns.
     pub(crate) is_mesh: bool,
+}
+
+/// The columns of a node in a view.
+pub(super) struct ViewColumns {
+    /// Over the corners of cells, with rows of the property table; empty where land is among the boxes.
+    pub(super) land: LandSurface,
+    pub(super) boxes: Geometry,
+    /// From the grid of the boxes to metres from the node's south-west corner at the city's height zero.
+    pub(super) grid: DAffine3,
 }
 
 impl<'a> ContentWriter<'a> {
@@ -165,26 +171,23 @@ impl<'a> ContentWriter<'a> {
         Ok(triangles)
     }
 
-    /// A node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes. With
-    /// a selection, everything is boxes. Each with the matrix from its grid to metres from the node's south-west corner at the city's
-    /// height zero.
-    pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, DAffine3)>, ExportError> {
-        let Some(map) = self.city.source.columns(node)? else { return Ok(Vec::new()) };
+    /// A node's columns as a view shows them: land of one colour as a surface, all else as boxes. With a selection, everything is boxes.
+    /// `None` without columns.
+    pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Option<ViewColumns>, ExportError> {
+        let Some(map) = self.city.source.columns(node)? else { return Ok(None) };
         let grid = boxes::grid(&map);
         let land = self.land_objects(&map)?;
         let is_land = |object: u32| land.contains(&object);
         let is_surface = map.ground.is_none() && self.chooser.is_everything && has_one_colour(&map, &is_land);
         if !is_surface {
-            return Ok(vec![(self.box_geometry(map, node, rows)?, grid)]);
+            let boxes = self.box_geometry(map, node, rows)?;
+            return Ok(Some(ViewColumns { land: LandSurface::default(), boxes, grid }));
         }
         let mut surface = land_of_columns(&map, &is_land);
-        let cell_m = f64::from(map.cell_m);
-        surface.add_skirt(SKIRT_CELLS * cell_m);
-        let step = DVec2::splat(cell_m);
-        let surface = surface.geometry((DVec2::ZERO, step), &mut |object| rows.row(object));
+        surface.objects.iter_mut().for_each(|object| *object = rows.row(*object));
         let mut boxes = boxes::boxes(map, &mut |object, _| Ok((!is_land(object)).then(|| rows.row(object))))?;
         boxes.drop_empty_features();
-        Ok(vec![surface, (boxes, grid)])
+        Ok(Some(ViewColumns { land: surface, boxes, grid }))
     }
 
     fn land_objects(&self, map: &BlockMap) -> Result<BTreeSet<u32>, ExportError> {

@@ -30,6 +30,7 @@ pub(crate) mod test_reader;
 mod tests;
 mod text_form;
 mod view;
+mod view_land;
 mod view_terrain;
 
 use crate::selection::ObjectSelection;
@@ -37,7 +38,7 @@ use crate::source::{ExportSource, SourceError};
 use crate::table::city::City;
 use crate::{boxes, geometry, matrix};
 use builder::{GlbBuilder, Packing};
-use content::ContentWriter;
+use content::{ContentWriter, ViewColumns};
 pub use error::ExportError;
 use glam::{DAffine3, DVec3};
 use insula_objects::FeatureKind;
@@ -68,7 +69,7 @@ pub struct ExportReport {
 
 /// Writes the selected part of a city as one GLB (glTF 2.0, section 4.4): a node for each leaf with its finest mesh, or with boxes of
 /// its columns if it has no mesh. With a view, only what its camera may see, as coarse as the view allows, and the camera: distant
-/// nodes have boxes of their columns, and terrain without pictures is one surface.
+/// nodes have boxes of their columns, and terrain without pictures is a surface without gaps.
 ///
 /// Positions are metres, y up, x to the grid's east and -z to its north, from the middle of the selected area at the city's height
 /// zero. `asset.extras` has that point (`origin`, world metres) and the coordinate system (`crs`). Vertices have feature ids, which
@@ -151,7 +152,8 @@ impl Scene<'_> {
         Ok(triangles)
     }
 
-    /// Adds a node's columns, or `meshes` if they have fewer triangles. Returns the number of triangles.
+    /// Adds a node's columns, but for its land, which goes to `terrain`, or `meshes` if they have fewer triangles. Returns the number of
+    /// triangles.
     fn add_view_columns(
         &mut self,
         node: TileId,
@@ -159,16 +161,15 @@ impl Scene<'_> {
         terrain: &mut ViewTerrain,
     ) -> Result<usize, ExportError> {
         let mut rows = self.rows.clone();
-        let surfaces = self.content.view_columns(&mut rows, node)?;
-        let count: usize = surfaces.iter().map(|(geometry, _)| geometry.indices.len() / 3).sum();
+        let Some(ViewColumns { land, boxes, grid }) = self.content.view_columns(&mut rows, node)? else { return Ok(0) };
+        let count = land.triangles.len() + boxes.indices.len() / 3;
         if let Some(meshes) = meshes.filter(|meshes| meshes.triangles <= count) {
             return meshes.meshes.into_iter().map(|mesh| self.add_mesh(mesh, terrain)).sum();
         }
         self.rows = rows;
-        let cell_m = self.city.manifest.cell_m_at(node.level());
-        terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
+        terrain.add_columns(self.city.manifest, node, land);
         let place = self.place(node);
-        ContentWriter::add_surfaces(&mut self.glb, node, surfaces, place)
+        ContentWriter::add_surfaces(&mut self.glb, node, vec![(boxes, grid)], place)
     }
 
     /// Adds a leaf's mesh, but for its terrain, which goes to `terrain` unless it has a picture. Returns the number of triangles.

@@ -10,6 +10,7 @@ use insula_protocol::TileId;
 use insula_protocol::mesh::PositionGrid;
 use insula_protocol::mesh_tile::cuboid;
 use insula_protocol::subtree::{MeshLod, NodeMesh};
+use std::collections::{BTreeMap, BTreeSet};
 
 fn export(city: &TestCity, selection: &ObjectSelection) -> Result<(Glb, ExportReport), ExportError> {
     let mut bytes = Vec::new();
@@ -197,6 +198,24 @@ fn terrain_of_a_view_is_one_surface_that_is_finest_near_the_eye() {
         report.triangles
     });
     assert!(counts[0] < 8000 && counts[1] * 2 < counts[0], "{counts:?}");
+}
+
+#[test]
+fn land_of_columns_meets_the_terrain_of_meshes() {
+    let mut city = hills();
+    TileId::ROOT.children().skip(2).for_each(|leaf| _ = city.meshes.remove(&leaf));
+    city.subtrees.get_mut(&TileId::ROOT).unwrap().meshes.truncate(2);
+    let (glb, report) = export_view(&city, &view(1.0));
+    assert_eq!(glb.check_primitives() as u64, report.triangles);
+    let names: Vec<&str> = glb.list("nodes").iter().filter_map(|node| node["name"].as_str()).collect();
+    assert!(["terrain", "1/0/1", "1/1/1"].iter().all(|name| names.contains(name)), "{names:?}");
+    // The leaves with meshes end in the middle of the city. Strips of other borders hang at both ends of the line.
+    let millimetres = |at: f64| (at * 1000.0).round() as i64;
+    let mut heights: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
+    for [x, z, _] in glb.scene_positions().into_iter().filter(|p| p[2].abs() < 1e-6 && p[0].abs() < 63.9) {
+        heights.entry(millimetres(x)).or_default().insert(millimetres(z));
+    }
+    assert!(heights.len() > 8 && heights.values().all(|found| found.len() == 1), "{heights:?}");
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! The terrain of a view: as many triangles as the view needs, by ROAM (`insula_roam`).
 //!
 //! A level of detail holds its error over its whole leaf, and its borders are as fine as those of its neighbours. ROAM makes one
-//! surface of all leaves, which is finest near the eye.
+//! surface of all leaves, which is finest near the eye. Land of distant nodes is a surface for each, and [`ViewLand`] joins all.
 
 use super::ExportError;
 use super::builder::GlbBuilder;
 use super::geometry::{Geometry, NO_FEATURE, srgb};
 use super::matrix::numbers_of;
 use super::view::ExportView;
+use super::view_land::{LandPart, ViewLand};
 use crate::land_surface::{LandSurface, is_one_colour};
 use glam::{DAffine3, DVec2, DVec3};
 use insula_protocol::{Manifest, NODE_CELLS, TileId};
@@ -18,15 +19,18 @@ use std::collections::{BTreeMap, BTreeSet};
 const MAX_SAMPLES: f64 = 2e6;
 /// Share of the tolerated error by which the grid may differ from the meshes, and the surface from the grid.
 const ERROR_SHARE: f64 = 0.25;
-/// Least height of the strip that hangs from the border, in metres: leaves beside it may have their own meshes.
+/// Height of the strips that hang from borders of land beside boxes or meshes, in cells: nodes beside each other differ by less.
+const SKIRT_CELLS: f64 = 2.0;
+/// Least height of such a strip of the surface of leaves, in metres: leaves beside it may have their own meshes.
 const MIN_SKIRT_M: f64 = 1.0;
 
-/// The terrain of the leaves that a view shows as meshes.
+/// The terrain of the leaves that a view shows as meshes, and the land of its other nodes.
 #[derive(Debug, Default)]
 pub(super) struct ViewTerrain {
     leaves: Vec<LeafTerrain>,
-    /// Height of the strip that hangs from the border, where nodes beside it are coarser.
-    pub(super) skirt_m: f64,
+    land: ViewLand,
+    /// Height of the strip of the leaves' surface, where nodes beside it are coarser.
+    skirt_m: f64,
     /// Some leaves have terrain with pictures, which is written with the rest of their meshes.
     pub(super) has_pictures: bool,
 }
@@ -41,10 +45,19 @@ struct LeafTerrain {
 
 /// A surface in place of the terrain of some leaves.
 struct Refined {
-    grid: SampleGrid,
     surface: LandSurface,
+    grid: LeafGrid,
     /// Whether it stands for the terrain of each leaf.
     leaves: Vec<bool>,
+}
+
+/// A grid over leaves.
+struct LeafGrid {
+    samples: SampleGrid,
+    /// The leaf in its south-western corner.
+    corner: TileId,
+    /// Steps along the side of a leaf.
+    leaf_steps: u32,
 }
 
 /// A triangle of terrain in metres from the origin of the scene.
@@ -65,11 +78,31 @@ impl ViewTerrain {
         }
     }
 
-    /// Writes the terrain as one surface for the view, or as it is if that has no more triangles, if a grid cannot hold it, or if it
-    /// has pictures or several colours. Where terrain overlaps, only its largest object becomes a surface; leaves that terrain does not
-    /// cover keep their meshes. Returns the number of triangles. `origin` is that of the scene in world metres.
+    /// Adds the land of a node's columns, a surface over the corners of its cells.
+    pub(super) fn add_columns(&mut self, manifest: &Manifest, node: TileId, surface: LandSurface) {
+        let skirt_m = SKIRT_CELLS * manifest.cell_m_at(node.level());
+        self.skirt_m = self.skirt_m.max(skirt_m);
+        let steps = NODE_CELLS as u32;
+        self.land.add(LandPart::new(manifest, (node, steps), surface, (node.to_string(), skirt_m)));
+    }
+
+    /// Writes the land of columns and the terrain of leaves, which meet. Returns the number of triangles. `origin` is that of the scene in
+    /// world metres.
     pub(super) fn write(
-        self,
+        mut self,
+        glb: &mut GlbBuilder,
+        manifest: &Manifest,
+        (view, origin): (&ExportView, [f64; 3]),
+    ) -> Result<usize, ExportError> {
+        let leaves = self.write_terrain(glb, manifest, (view, origin))?;
+        Ok(leaves + self.land.write(glb, manifest, origin)?)
+    }
+
+    /// Makes the terrain of leaves one surface of the land for the view. Writes it as it is if that has no more triangles, if a grid cannot
+    /// hold it, or if it has pictures or several colours. Where terrain overlaps, only its largest object becomes a surface; leaves that
+    /// terrain does not cover keep their meshes. Returns the number of triangles that it has written.
+    fn write_terrain(
+        &mut self,
         glb: &mut GlbBuilder,
         manifest: &Manifest,
         (view, origin): (&ExportView, [f64; 3]),
@@ -81,17 +114,12 @@ impl ViewTerrain {
         let triangles: Vec<Triangle> = (0..).zip(&self.leaves).flat_map(|(i, leaf)| leaf.triangles(i)).collect();
         for features in choices(&triangles) {
             let of_features: Vec<&Triangle> = triangles.iter().filter(|t| features.contains(&t.feature)).collect();
-            let Some(Refined { grid, mut surface, leaves }) = self.refined(of_features, manifest, (view, origin))
-            else {
+            let Some(Refined { grid, surface, leaves }) = self.refined(of_features, manifest, (view, origin)) else {
                 continue;
             };
-            surface.add_skirt(self.skirt_m.max(MIN_SKIRT_M));
-            let count = surface.triangles.len();
-            let (geometry, matrix) = surface.geometry((grid.origin, grid.step), &mut |feature| feature);
-            let material = glb.plain_material();
-            let mesh = glb.add_mesh(&geometry, material)?;
-            glb.add_node(Some("terrain".to_owned()), numbers_of(matrix), mesh);
-            return Ok(count + self.write_leaves(glb, &|leaf, feature| !leaves[leaf] || !features.contains(&feature))?);
+            let strip = ("terrain".to_owned(), self.skirt_m.max(MIN_SKIRT_M));
+            self.land.add_truest(LandPart::new(manifest, (grid.corner, grid.leaf_steps), surface, strip));
+            return self.write_leaves(glb, &|leaf, feature| !leaves[leaf] || !features.contains(&feature));
         }
         self.write_leaves(glb, &|_, _| true)
     }
@@ -123,18 +151,19 @@ impl ViewTerrain {
         if !is_one_colour(triangles.iter().flat_map(|triangle| triangle.colours.map(|colour| colour.map(srgb)))) {
             return None;
         }
-        let (grid, leaf_steps) = self.grid(manifest, origin)?;
-        let terrain = SampledTerrain::new(grid, &faces(&triangles))?;
+        let grid = self.grid(manifest, origin)?;
+        let terrain = SampledTerrain::new(grid.samples, &faces(&triangles))?;
         let is_covered = |leaf: &LeafTerrain| {
-            let corner = (DVec3::from(manifest.node_corner(leaf.leaf)) - DVec3::from(origin)).truncate();
-            let [x, y] = ((corner - grid.origin) / grid.step).round().to_array().map(|step| step as u32);
-            (y..=y + leaf_steps).all(|y| (x..=x + leaf_steps).all(|x| terrain.has([x, y])))
+            let [x, y] =
+                [leaf.leaf.x() - grid.corner.x(), leaf.leaf.y() - grid.corner.y()].map(|at| at * grid.leaf_steps);
+            let side = grid.leaf_steps;
+            (y..=y + side).all(|y| (x..=x + side).all(|x| terrain.has([x, y])))
         };
         let leaves: Vec<bool> = self.leaves.iter().map(is_covered).collect();
         triangles.retain(|triangle| leaves[triangle.leaf]);
         let faces = faces(&triangles);
         let allowed = ((ERROR_SHARE * view.tau_px) as f32, triangles.len());
-        let terrain = SampledTerrain::new(grid, &faces)?;
+        let terrain = SampledTerrain::new(grid.samples, &faces)?;
         let mesh = terrain.for_view(&faces, &|bounds| view.pixels_of_metre(origin, bounds), allowed)?;
         let of = |face: &u32| triangles[*face as usize];
         let colour = |(face, point): (&u32, &DVec3)| of(face).colour_at(point.truncate());
@@ -145,12 +174,11 @@ impl ViewTerrain {
             places: mesh.places,
             triangles: mesh.triangles,
         };
-        (surface.triangles.len() < triangles.len()).then_some(Refined { grid, surface, leaves })
+        (surface.triangles.len() < triangles.len()).then_some(Refined { surface, grid, leaves })
     }
 
-    /// A grid with samples on the borders of all leaves, and its steps along a leaf. `None` without terrain, or if that needs too many
-    /// samples.
-    fn grid(&self, manifest: &Manifest, origin: [f64; 3]) -> Option<(SampleGrid, u32)> {
+    /// A grid with samples on the borders of all leaves. `None` without terrain, or if that needs too many samples.
+    fn grid(&self, manifest: &Manifest, origin: [f64; 3]) -> Option<LeafGrid> {
         let level = self.leaves.first()?.leaf.level();
         // Land around the city is in larger nodes.
         if self.leaves.iter().any(|leaf| leaf.leaf.level() != level) {
@@ -166,13 +194,11 @@ impl ViewTerrain {
             |leaf_steps: u32| [x, y].map(|(low, high)| ((high - low) * leaf_steps).next_multiple_of(ROOT_STEPS) + 1);
         let count = |leaf_steps: &u32| size(*leaf_steps).map(f64::from).iter().product::<f64>();
         let leaf_steps = [NODE_CELLS as u32, 32, 16].into_iter().find(|steps| count(steps) <= MAX_SAMPLES)?;
-        let corner = DVec3::from(manifest.node_corner(TileId::new(level, x.0, y.0)?)) - DVec3::from(origin);
-        let grid = SampleGrid {
-            origin: corner.truncate(),
-            step: DVec2::splat(side_m / f64::from(leaf_steps)),
-            size: size(leaf_steps),
-        };
-        Some((grid, leaf_steps))
+        let corner = TileId::new(level, x.0, y.0)?;
+        let place = DVec3::from(manifest.node_corner(corner)) - DVec3::from(origin);
+        let step = DVec2::splat(side_m / f64::from(leaf_steps));
+        let samples = SampleGrid { origin: place.truncate(), step, size: size(leaf_steps) };
+        Some(LeafGrid { samples, corner, leaf_steps })
     }
 }
 
