@@ -1,6 +1,9 @@
-//! No sky is visible between neighbouring leaves, at any two levels of detail, and no ray passes a closed surface.
+//! No sky is visible between neighbouring leaves, at any two levels of detail, nor between meshes and columns of terrain, and no ray
+//! passes a closed surface.
 
 use anyhow::{Context, Result, ensure};
+use glam::{DVec2, DVec3};
+use insula_bake::scene::ObjectKind;
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_shaders::layout::Shading;
@@ -11,14 +14,17 @@ use insula_tests::rng::Rng;
 use insula_tests::terraces::{self, Terraces};
 use insula_tests::trials::{Test, Trials, WHOLE_CITY};
 use insula_tests::truth::Truth;
-use insula_tests::view::FrameSpec;
+use insula_tests::view::{Camera, FrameSpec};
+use insula_tests::zoo::{BakedShape, Shapes, paint};
 use insula_tests::{cameras, tests};
 use rayon::prelude::*;
 
 const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![no_ray_passes_a_closed_surface, a_triangle_ends_at_its_edge]);
+    trials.add(tests![
+        no_ray_passes_a_closed_surface, a_triangle_ends_at_its_edge, no_sky_in_terrain_of_meshes_and_columns
+    ]);
     trials.add(REAL_CITIES.map(|name| {
         let test = Test::new(format!("no_sky_between_leaves_of_{}", name.replace('-', "_")), move || check(name))
             .ignored_if(fidelity::real_city(name).is_none())
@@ -48,6 +54,58 @@ fn no_ray_passes_a_closed_surface() -> Result<()> {
     let faults: Vec<_> = results.into_iter().filter_map(Result::err).collect();
     ensure!(faults.is_empty(), "{} of {frames} frames: {:#}", faults.len(), faults[0]);
     println!("{frames} frames");
+    Ok(())
+}
+
+/// Side of the terrain, and of its squares.
+const TERRAIN_M: u32 = 256;
+const SQUARE_M: u32 = 4;
+
+/// Hills with slopes of up to 70%.
+fn hills_m(p: DVec2) -> f64 {
+    12.0 * (p.x / 31.0).sin() + 9.0 * (p.y / 27.0 + p.x / 80.0).cos()
+}
+
+fn on_hills(p: DVec2) -> DVec3 {
+    p.extend(hills_m(p))
+}
+
+/// Terrain as the viewer draws it: meshes near the eye, columns of several levels further away, all chosen by the same error on the screen.
+fn no_sky_in_terrain_of_meshes_and_columns() -> Result<()> {
+    let mut shapes = Shapes::default();
+    shapes.object(ObjectKind::Terrain);
+    for (x, y) in (0..TERRAIN_M / SQUARE_M).flat_map(|y| (0..TERRAIN_M / SQUARE_M).map(move |x| (x, y))) {
+        let corner =
+            |dx: u32, dy: u32| on_hills(DVec2::new(f64::from(x + dx), f64::from(y + dy)) * f64::from(SQUARE_M));
+        let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        shapes.face(&[a, b, c], paint::GREEN).face(&[a, c, d], paint::GREEN);
+    }
+    let shape = BakedShape::bake("terrain", shapes.scene([0.0; 3]), 1.0)?;
+    let depth = shape.baked.manifest().depth;
+    let whole = shape.baked.draw_list_with_meshes(&shape.baked.ids(depth), |_| Some(0))?;
+    let middle = DVec2::splat(f64::from(TERRAIN_M) / 2.0);
+    let (mut mixed, mut seen) = (0, 0);
+    for place in 0..12 {
+        let place = f64::from(place);
+        let away = DVec2::from_angle(0.55 * place) * (30.0 + 7.0 * place);
+        // From eye level to a low flight, across the middle.
+        let position = on_hills(middle + away) + DVec3::Z * (2.0 + 2.5 * place);
+        let camera = Camera::looking(position, on_hills(middle - away));
+        let reference = whole.scene(&camera, &FRAME).render();
+        for tau_px in [1.0, 3.0, 9.0] {
+            let ids = shape.baked.select(&camera, &FRAME, tau_px);
+            let lod = |id: TileId| shape.baked.drawn_lod(id, &camera, &FRAME, tau_px);
+            let drawn = shape.baked.draw_list_with_meshes(&ids, lod)?.scene(&camera, &FRAME).render();
+            let cracks = cracks(&reference, &drawn);
+            let at = cracks.first();
+            ensure!(cracks.is_empty(), "{tau_px} px: {} pixels of sky, at {at:?}: {camera:?}", cracks.len());
+            let has_meshes = ids.iter().any(|id| lod(*id).is_some());
+            mixed += u32::from(has_meshes && ids.iter().any(|id| id.level() < depth));
+            seen += drawn.distance.iter().filter(|d| d.is_finite()).count();
+        }
+    }
+    println!("{mixed} frames of meshes and columns of several levels, {seen} pixels of terrain");
+    ensure!(mixed > 5, "{mixed} frames have meshes and columns of several levels");
     Ok(())
 }
 
