@@ -5,7 +5,7 @@ use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::affine::TRANSPOSED;
-use insula_source::problems::{EITHER_ORDER, MIRRORED, NO_CRS, NO_TRANSFORM, ZERO_HEIGHTS};
+use insula_source::problems::{EITHER_ORDER, INTERIOR, MIRRORED, NO_CRS, NO_TRANSFORM, ZERO_HEIGHTS};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
@@ -85,6 +85,16 @@ fn only_the_best_level_is_read_and_no_footprint_under_a_body() {
     assert_eq!((scene.triangles.len(), scene.objects[0].id.as_str()), (12, "p"));
     assert_eq!((report.sources[0].coarser_left_out, report.sources[0].objects_by_type["Building"]), (1, 1));
     assert_eq!(read(&document(&whole, "")).0.triangles.len(), 2);
+}
+
+#[test]
+fn rooms_are_left_out_with_a_warning_unless_they_are_all_that_there_is() {
+    let room = format!(r#""r": {{"type": "BuildingRoom", "geometry": [{}], "parents": ["b"]}}"#, solid("2"));
+    let (scene, report) = read(&document(&format!("{}, {room}", object("b", &solid("2"))), ""));
+    assert_eq!((scene.triangles.len(), report.sources[0].objects), (12, 1));
+    assert_eq!(report.sources[0].skipped[INTERIOR].first, ["r: BuildingRoom"]);
+    let (scene, report) = read(&document(&room, ""));
+    assert_eq!((scene.triangles.len(), report.skipped()), (12, 0));
 }
 
 #[test]

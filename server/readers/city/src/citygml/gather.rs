@@ -158,7 +158,7 @@ impl<'s> Gatherer<'s> {
         }
         match tree.class(names, node) {
             Class::Lines | Class::LodLines => self.has_lines = true,
-            Class::Ignored | Class::Appearance | Class::Envelope | Class::ReferencePoint => {}
+            Class::Room | Class::Ignored | Class::Appearance | Class::Envelope | Class::ReferencePoint => {}
             Class::ImplicitGeometry => self.walk_implicit(node, &inherited, depth, pieces),
             class => {
                 let is_minus = || tree.attribute(node, AttributeKind::Orientation) == Some("-");

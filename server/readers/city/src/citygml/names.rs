@@ -117,7 +117,9 @@ pub(super) enum Class {
     /// A property of CityGML 3.0 with one generic attribute.
     GenericProperty,
     Address,
-    /// Not read at all: interiors, free spaces, metadata.
+    /// Properties with rooms and what is in them, which are not read.
+    Room,
+    /// Not read at all: free spaces, metadata.
     Ignored,
     Other,
 }
@@ -308,8 +310,8 @@ fn space_class(local: &str) -> Option<Class> {
         | "bridgeRoom"
         | "bridgeFurniture"
         | "hollowSpace"
-        | "tunnelFurniture"
-        | "clearanceSpace"
+        | "tunnelFurniture" => Class::Room,
+        "clearanceSpace"
         | "hole"
         | "marking"
         | "relatedTo"
@@ -370,6 +372,7 @@ mod tests {
         assert_eq!(class(Family::CityGml, "lod2Solid"), Class::Lod(2));
         assert_eq!(class(Family::Urf, "lod1MultiSurface"), Class::Lod(1));
         assert_eq!(class(Family::CityGml, "lod3TerrainIntersectionCurve"), Class::Ignored);
+        assert_eq!(class(Family::CityGml, "interiorRoom"), Class::Room);
         assert_eq!(class(Family::Other, "lod1HeightType"), Class::Other);
         assert_eq!(class(Family::CityGml, "lod9Solid"), Class::Other);
         assert_eq!(class(Family::CityGml, "lodü"), Class::Other);

@@ -15,7 +15,7 @@ use insula_place::placement::FirstShape;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, FeatureKind, Shape, SourceObject};
-use insula_source::problems::NO_CRS;
+use insula_source::problems::{INTERIOR, NO_CRS};
 
 /// An object that is ready for the sink, or the reason why it is left out.
 struct Finished {
@@ -132,6 +132,9 @@ impl Session<'_, '_> {
         let srs = chosen.srs.clone().or_else(|| srs.map(str::to_owned));
         let lod = chosen.level.filter(|_| !surfaces.is_empty());
         let has_others = finished.len() > slot + 1;
+        if plan.has_rooms {
+            self.sink.problem(INTERIOR, context.id.clone());
+        }
         let outcome = match self.reason_to_skip(
             elements,
             node,

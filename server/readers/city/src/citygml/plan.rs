@@ -35,6 +35,8 @@ pub(super) struct Plan {
     pub(super) subdivisions: Vec<u32>,
     pub(super) members: Vec<u32>,
     pub(super) has_lines: bool,
+    /// Whether there are rooms, or things in them, which are not read.
+    pub(super) has_rooms: bool,
     /// Whether there is a relief of another form than triangles.
     pub(super) has_other_relief: bool,
     /// Thematic surfaces that are referred to: each counts once.
@@ -103,6 +105,7 @@ impl Plan {
                     self.add_geometry(elements, node, child, scope);
                 }
                 Class::LodLines => self.has_lines = true,
+                Class::Room => self.has_rooms = true,
                 Class::Boundary | Class::BoundedBy => {
                     for surface in inline(child).filter(|surface| elements.class(*surface) != Class::Envelope) {
                         self.add_thematic_surface(elements, surface);

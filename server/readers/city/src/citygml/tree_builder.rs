@@ -132,7 +132,7 @@ impl Builder<'_, '_> {
     /// Whether the descendants of an element are not read.
     fn is_pruned(&self, class: Class) -> bool {
         match class {
-            Class::Appearance | Class::Ignored | Class::LodLines => true,
+            Class::Appearance | Class::Room | Class::Ignored | Class::LodLines => true,
             Class::Lines => self.open_faces == 0,
             _ => false,
         }

@@ -1,7 +1,7 @@
 //! Chooses the geometries of each object: the best level of detail, and never a footprint under a building.
 
 use super::schema::{CityJsonGeometry, CityJsonLod, GeometryOutline, ObjectOutline, shell_depth};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;
@@ -17,6 +17,8 @@ pub(crate) enum LevelChoice {
     Level(CityJsonLod),
     /// None of this level, because a part or a parent has better ones.
     Coarser(CityJsonLod),
+    /// None, because it is inside of what other objects show.
+    Interior,
     NoGeometry,
 }
 
@@ -30,8 +32,9 @@ pub(crate) fn choose_levels(
     let level = |i: usize| best[i].map_or(LevelChoice::NoGeometry, LevelChoice::Level);
     let mut choices: Vec<LevelChoice> = (0..objects.len()).map(level).collect();
     let parents = parents(objects);
+    leave_out_interiors(objects, &parents, &mut choices);
     for part in 0..objects.len() {
-        let Some(part_lod) = best[part] else { continue };
+        let Some(part_lod) = best[part].filter(|_| choices[part] != LevelChoice::Interior) else { continue };
         let is_part = objects[part].1.as_ref().is_some_and(|outline| outline.kind.ends_with("Part"));
         for whole in ancestors(part, &parents) {
             let Some(whole_lod) = best[whole] else { continue };
@@ -44,6 +47,41 @@ pub(crate) fn choose_levels(
         }
     }
     choices
+}
+
+/// Leaves out rooms and what is in them, if an object that is in no room shows the building, bridge or tunnel that they belong to.
+fn leave_out_interiors(
+    objects: &[(&str, Option<ObjectOutline<'_>>)],
+    parents: &[Vec<usize>],
+    choices: &mut [LevelChoice],
+) {
+    let is_interior = |i: usize| objects[i].1.as_ref().is_some_and(|outline| is_of_interior(&outline.kind));
+    if !(0..objects.len()).any(is_interior) {
+        return;
+    }
+    let families: Vec<(usize, bool)> = (0..objects.len())
+        .map(|i| {
+            let above = ancestors(i, parents);
+            let is_inside = is_interior(i) || above.iter().any(|whole| is_interior(*whole));
+            (above.last().copied().unwrap_or(i), is_inside)
+        })
+        .collect();
+    let has_body = |choice: LevelChoice| matches!(choice, LevelChoice::Level(lod) if !is_footprint(lod));
+    let outside =
+        families.iter().zip(choices.iter()).filter(|((_, is_inside), choice)| !is_inside && has_body(**choice));
+    let shown: HashSet<usize> = outside.map(|((whole, _), _)| *whole).collect();
+    for (i, (whole, is_inside)) in families.into_iter().enumerate() {
+        if is_inside && shown.contains(&whole) && choices[i] != LevelChoice::NoGeometry {
+            choices[i] = LevelChoice::Interior;
+        }
+    }
+}
+
+/// Whether objects of this type are rooms or stand in rooms.
+fn is_of_interior(kind: &str) -> bool {
+    let kinds =
+        ["BuildingRoom", "BuildingFurniture", "BridgeRoom", "BridgeFurniture", "TunnelHollowSpace", "TunnelFurniture"];
+    kinds.contains(&kind)
 }
 
 /// For each object the furthest ancestor that is a building; the object itself where none is.
@@ -180,6 +218,29 @@ mod tests {
         );
         let on_a_footprint = with("BuildingInstallation").replace(r#""lod": "1""#, r#""lod": "0""#);
         assert_eq!(choice(&on_a_footprint), coarser(0.0));
+    }
+
+    #[test]
+    fn rooms_are_left_out_if_something_else_shows_the_building() {
+        let with = |lod: &str| {
+            format!(
+                r#"[["b", {{"type": "Building", "geometry": [{{"lod": "{lod}"}}]}}],
+                    ["s", {{"type": "BuildingStorey", "parents": ["b"]}}],
+                    ["r", {{"type": "BuildingRoom", "geometry": [{{"lod": "2"}}], "parents": ["s"]}}],
+                    ["f", {{"type": "BuildingFurniture", "geometry": [{{"lod": "1"}}], "parents": ["r"]}}],
+                    ["i", {{"type": "BuildingInstallation", "geometry": [{{"lod": "2"}}], "parents": ["r"]}}],
+                    ["p", {{"type": "BuildingPart", "parents": ["b"]}}],
+                    ["other", {{"type": "BuildingRoom", "geometry": [{{"lod": "2"}}]}}]]"#
+            )
+        };
+        let level = |level| LevelChoice::Level(CityJsonLod(level));
+        let (inside, none) = (LevelChoice::Interior, LevelChoice::NoGeometry);
+        assert_eq!(choice(&with("1")), [level(1.0), none, inside, inside, inside, none, level(2.0)]);
+        // Nothing else shows the building.
+        let coarser = LevelChoice::Coarser(CityJsonLod(0.0));
+        assert_eq!(choice(&with("0")), [coarser, none, level(2.0), level(1.0), level(2.0), none, level(2.0)]);
+        let of_part = with("0").replace(r#""BuildingPart","#, r#""BuildingPart", "geometry": [{"lod": "2"}],"#);
+        assert_eq!(choice(&of_part), [coarser, none, inside, inside, inside, level(2.0), level(2.0)]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use insula_source::json::attributes::flatten;
 use insula_source::json::metadata;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject, WholeBuilding};
-use insula_source::problems::NO_TRANSFORM;
+use insula_source::problems::{INTERIOR, NO_TRANSFORM};
 use insula_source::subject;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
@@ -166,6 +166,7 @@ fn read_object(
         serde_json::from_str(text.json).map_err(|error| ("malformed object", json_message(&error)))?;
     let (lod, shape) = match choice {
         LevelChoice::NoGeometry => (None, Shape::None),
+        LevelChoice::Interior => return Err((INTERIOR, object.kind)),
         LevelChoice::Coarser(level) => (Some(level), Shape::None),
         LevelChoice::Level(level) => {
             let polygons = surfaces_of(id, &object, level, references, sink);

@@ -4,7 +4,7 @@ use super::*;
 use crate::citygml::gather::BAD_MATRIX;
 use insula_source::affine::TRANSPOSED;
 use insula_source::object::{CrsReference, FeatureKind, SurfaceRole};
-use insula_source::problems::NO_CRS;
+use insula_source::problems::{INTERIOR, NO_CRS};
 
 #[test]
 fn solid_of_references_does_not_double_the_boundary() {
@@ -107,6 +107,7 @@ fn installations_belong_to_the_building_and_interiors_do_not() {
     );
     let sink = read_building(&content);
     assert_eq!((corners(&sink.objects[0]), sink.objects[0].lod), (vec![1.0, 2.0], Some(2.0)));
+    assert_eq!(sink.problems, [(INTERIOR, "b".to_owned())]);
 }
 
 #[test]
