@@ -31,6 +31,15 @@ impl CityTriangles {
     /// Reads the triangles of the leaves that an area touches, in world metres. Fails if tiles cannot be read, or if there are too many
     /// triangles.
     pub fn read(source: &dyn ExportSource, area: [[f64; 2]; 2]) -> Result<Self, ExportError> {
+        Self::read_at_most(source, area, MAX_TRIANGLES)
+    }
+
+    /// The same with a limit of triangles, which those of one leaf may exceed for a moment. Fails as [`CityTriangles::read`] does.
+    pub fn read_at_most(
+        source: &dyn ExportSource,
+        area: [[f64; 2]; 2],
+        max_triangles: usize,
+    ) -> Result<Self, ExportError> {
         let [min, max] = area;
         let origin = DVec3::new(0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), source.manifest().origin[2]);
         let (mut triangles, mut objects) = (Vec::new(), Vec::new());
@@ -47,9 +56,9 @@ impl CityTriangles {
             objects.extend_from_slice(&leaf.tile.objects);
             // A mesh without any object says so in short.
             objects.resize(triangles.len(), NO_OBJECT);
-            if triangles.len() > MAX_TRIANGLES {
+            if triangles.len() > max_triangles {
                 let reason = format!(
-                    "more than {MAX_TRIANGLES} triangles around the points; choose fewer points or a smaller --reach"
+                    "more than {max_triangles} triangles around the points; choose fewer points or a smaller --reach"
                 );
                 return Err(ExportError::TooLarge { format: "an analysis", reason });
             }

@@ -1,9 +1,13 @@
-//! A question about a part of a city as JSON, as clients of the server ask it, and its answer as GeoJSON.
+//! A question about a part of a city as JSON, as clients of the server ask it, and its answer: GeoJSON, a sheet of paper, or what a place
+//! sees of the sky.
 
 use super::answer::{Answer, Progress, grown};
 use super::colors::Colors;
+use super::error::RequestError;
+use super::evidence::SkyPlace;
 use super::regions::{features, lon_lat};
 use super::samples::Samples;
+use super::sheet::AnalysisSheet;
 use crate::args::Analysis;
 use insula_analysis::buildings::sum_up;
 use insula_analysis::clock::{Moment, TimeSystem};
@@ -11,9 +15,11 @@ use insula_analysis::rule::Rule;
 use insula_analysis::sun::Site;
 use insula_analysis::surface::CitySurface;
 use insula_bake::read::EarthPlace;
+use insula_draw::DrawLimits;
+use insula_draw::file::{DrawingFormat, encode};
 use insula_export::raster::CellExtent;
 use insula_export::source::ExportSource;
-use insula_export::table::{ExportError, attribution};
+use insula_export::table::attribution;
 use insula_protocol::area::requested_area;
 use serde::Deserialize;
 use serde_json::json;
@@ -23,8 +29,16 @@ const MAX_AREA_M2: f64 = 1_000_000.0;
 const AREA_TOLERANCE: f64 = 1.001;
 /// What stands so far around the area throws shadows and hides the sky.
 const REACH_M: f64 = 500.0;
+/// Beyond this, in absolute value, there is no city.
+const MAX_COORDINATE_M: f64 = 1e9;
 /// Most squares along a side of the answer.
 const MAX_SQUARES: u32 = 160;
+
+/// The sun's path of questions without a rule.
+const USUAL_DAYS: &str = "title = \"the sun's path at the solstices and in March\"
+source = \"days that studies of shadows have\"
+days = [\"03-21\", \"06-21\", \"12-21\"]
+";
 
 /// What is asked, and where.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -41,6 +55,33 @@ pub(crate) struct AnalysisRequest {
     bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system. The answer has these, too.
     bbox_metres: Option<[f64; 4]>,
+    #[serde(default)]
+    format: AnswerFormat,
+    /// Longitude and latitude of the place of a PNG.
+    point: Option<[f64; 2]>,
+    /// The same in metres of the city's coordinate system.
+    point_metres: Option<[f64; 2]>,
+}
+
+/// What the answer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum AnswerFormat {
+    /// Areas of equal values, and numbers.
+    #[default]
+    GeoJson,
+    /// A sheet of paper.
+    Pdf,
+    /// What a place sees of the sky.
+    Png,
+}
+
+/// How much is read for an answer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AnswerLimits {
+    /// Cells of the area with those around it.
+    pub(crate) cells: u64,
+    pub(crate) drawing: DrawLimits,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -58,21 +99,6 @@ enum AskedValues {
     Sky,
     Solar(Site),
     Shadow(Site, Moment),
-}
-
-/// Why there is no answer.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum RequestError {
-    #[error("{0}")]
-    Invalid(String),
-    #[error("{0}")]
-    Outside(String),
-    #[error("the area would be too large: choose a smaller one")]
-    TooLarge,
-    #[error("nobody waits for the answer")]
-    Stopped,
-    #[error(transparent)]
-    Source(ExportError),
 }
 
 fn invalid<T>(text: impl Into<String>) -> Result<T, RequestError> {
@@ -96,31 +122,53 @@ impl AnalysisRequest {
         serde_json::from_slice(json).map_err(|error| RequestError::Invalid(error.to_string()))
     }
 
-    /// The answer for a city: GeoJSON with a feature for each class of values, and with numbers, notes and who must be named. Reads at most
-    /// `max_cells` cells with those around the area. Fails if a value is invalid, the area too large, or the city cannot be read, and once
+    /// What the answer is.
+    pub(crate) fn format(&self) -> AnswerFormat {
+        self.format
+    }
+
+    /// The answer for a city: GeoJSON with a feature for each class of values, and with numbers, notes and who must be named; the same as a
+    /// sheet of paper; or what a place sees of the sky. Fails if a value is invalid, the area too large, or the city cannot be read, and once
     /// `progress` says so.
     pub(crate) fn answer(
         &self,
         source: &dyn ExportSource,
-        max_cells: u64,
+        limits: AnswerLimits,
         progress: Progress<'_>,
     ) -> Result<Vec<u8>, RequestError> {
         let manifest = source.manifest();
         let asked = self.asked(source)?;
         let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+        if self.format == AnswerFormat::Png {
+            let sky_place = self.sky_place(place.as_ref())?;
+            let (site, rule) = asked.sun_shown(source)?;
+            return sky_place.picture(source, (&site, &rule), limits.cells, progress);
+        }
+        if self.point.is_some() || self.point_metres.is_some() {
+            return invalid("point: only png has one");
+        }
         let area = self.area(place.as_ref())?;
         let around = grown(area, REACH_M);
         let [extent, read] = [area, around].map(|area| CellExtent::of(manifest, Some(area)));
-        let extent = extent.map_err(of_export)?;
-        if read.map_err(of_export)?.len() > max_cells {
+        let extent = extent.map_err(RequestError::of_export)?;
+        if read.map_err(RequestError::of_export)?.len() > limits.cells {
             return Err(RequestError::TooLarge);
         }
-        let mut surface = CitySurface::read(source, Some(around)).map_err(of_export)?;
+        let mut surface = CitySurface::read(source, Some(around)).map_err(RequestError::of_export)?;
         let answer = asked.answer(&mut surface, progress)?;
         if !progress(1.0) {
             return Err(RequestError::Stopped);
         }
-        self.encode(source, place.as_ref(), &surface, extent, answer)
+        let answer = answer.within(&surface, extent);
+        let colors = Colors::of(self.kind.analysis(), &answer);
+        if self.format == AnswerFormat::Pdf {
+            let (answer, colors) = (&answer, &colors);
+            let sheet =
+                AnalysisSheet { source, surface: &surface, answer, colors, extent, added: &[], limits: limits.drawing };
+            let drawing = sheet.draw(&|_, share| progress(share)).map_err(RequestError::of_draw)?;
+            return Ok(encode(&drawing, DrawingFormat::Pdf));
+        }
+        self.geojson(source, place.as_ref(), &surface, extent, (&answer, &colors))
     }
 
     fn asked(&self, source: &dyn ExportSource) -> Result<AskedValues, RequestError> {
@@ -131,10 +179,7 @@ impl AnalysisRequest {
         if (self.time.is_some() || self.time_zone.is_some()) && !is_of(AskedKind::Shadow) {
             return invalid("time: only shadow has one");
         }
-        let site = || {
-            let unknown = "it is not known where on Earth this city lies: bake it with --crs or --at";
-            Site::of(source.manifest()).ok_or_else(|| RequestError::Invalid(unknown.to_owned()))
-        };
+        let site = || site_of(source);
         match self.kind {
             AskedKind::Sky => Ok(AskedValues::Sky),
             AskedKind::Solar => Ok(AskedValues::Solar(site()?)),
@@ -168,23 +213,43 @@ impl AnalysisRequest {
         Ok([low, high])
     }
 
-    fn encode(
+    /// The place of a PNG.
+    fn sky_place(&self, place: Option<&EarthPlace>) -> Result<SkyPlace, RequestError> {
+        if self.bbox.is_some() || self.bbox_metres.is_some() {
+            return invalid("bbox: png has a point in place of an area");
+        }
+        let at = match (self.point, self.point_metres) {
+            (None, Some(metres)) => Some(metres),
+            (Some([longitude, latitude]), None) if longitude.abs() <= 180.0 && latitude.abs() <= 90.0 => {
+                place.and_then(|place| place.on_map([longitude, latitude]))
+            }
+            (Some(_), None) => None,
+            _ => return invalid("png needs either point or point_metres"),
+        };
+        let at = at.filter(|at| at.iter().all(|metres| metres.abs() < MAX_COORDINATE_M));
+        let Some(at) = at else { return invalid("point: out of the city's coordinate system") };
+        let name = match place.and_then(|place| lon_lat(place, at)) {
+            Some([longitude, latitude]) => format!("{longitude:.6}, {latitude:.6}"),
+            None => "place".to_owned(),
+        };
+        Ok(SkyPlace { name, at, reach_m: REACH_M })
+    }
+
+    fn geojson(
         &self,
         source: &dyn ExportSource,
         place: Option<&EarthPlace>,
         surface: &CitySurface,
         extent: CellExtent,
-        answer: Answer,
+        (answer, colors): (&Answer, &Colors),
     ) -> Result<Vec<u8>, RequestError> {
-        let answer = answer.within(surface, extent);
         let samples = Samples::of(extent, MAX_SQUARES);
-        let colors = Colors::of(self.kind.analysis(), &answer);
         // Millimetres, or decimals of degrees as those of the command.
         let metres = |at: [f64; 2]| Some(at.map(|metres| (metres * 1000.0).round() / 1000.0));
         let degrees = |at: [f64; 2]| lon_lat(place?, at);
         let features = match self.bbox {
-            Some(_) => features(&answer, surface, &samples, &colors, &degrees),
-            None => features(&answer, surface, &samples, &colors, &metres),
+            Some(_) => features(answer, surface, &samples, colors, &degrees),
+            None => features(answer, surface, &samples, colors, &metres),
         };
         let Some(features) = features else { return invalid("the area is out of the city's coordinate system") };
         let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
@@ -218,15 +283,26 @@ impl AskedValues {
             },
         })
     }
+
+    /// The sun's path that a picture of the sky shows, and what counts of it. Fails if it is not known where the city lies.
+    fn sun_shown(self, source: &dyn ExportSource) -> Result<(Site, Rule), RequestError> {
+        let usual = || Rule::parse(USUAL_DAYS).map_err(|error| RequestError::Invalid(error.to_string()));
+        Ok(match self {
+            Self::Sun(site, rule) => (site, *rule),
+            Self::Sky => (site_of(source)?, usual()?),
+            Self::Solar(site) => (site, usual()?),
+            Self::Shadow(site, moment) => {
+                let title = "the sun's path on the day of the shadow".to_owned();
+                (site, Rule { title, days: vec![moment.at.date()], ..usual()? })
+            }
+        })
+    }
 }
 
-/// An area without a part of the city is the client's fault.
-fn of_export(error: ExportError) -> RequestError {
-    match error {
-        ExportError::ObjectSelection(reason) => RequestError::Outside(reason),
-        ExportError::TooLarge { .. } => RequestError::TooLarge,
-        error => RequestError::Source(error),
-    }
+/// Where a city lies. Fails if that is not known.
+fn site_of(source: &dyn ExportSource) -> Result<Site, RequestError> {
+    let unknown = "it is not known where on Earth this city lies: bake it with --crs or --at";
+    Site::of(source.manifest()).ok_or_else(|| RequestError::Invalid(unknown.to_owned()))
 }
 
 #[cfg(test)]
@@ -250,6 +326,7 @@ mod tests {
             let error = area(fields).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
+        assert!(Rule::parse(USUAL_DAYS).is_ok_and(|rule| rule.days.len() == 3));
         for unknown in [r#""kind":"view""#, r#""kind":"sun","out":"/etc/passwd""#, ""] {
             assert!(parse(unknown).is_err(), "{unknown}");
         }

@@ -6,13 +6,15 @@ use super::problem::Problem;
 use super::state::AppState;
 use super::work_queues::{RequestClient, WorkKind};
 use super::work_threads::WorkThreads;
-use crate::analysis::request::{AnalysisRequest, RequestError};
+use crate::analysis::error::RequestError;
+use crate::analysis::request::{AnalysisRequest, AnswerFormat, AnswerLimits};
 use crate::store::CityStore;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::header;
 use axum::http::request::Parts;
 use axum::response::Response;
+use insula_draw::DrawLimits;
 use insula_export::table::ExportError;
 use std::sync::Arc;
 use tokio::runtime::Handle;
@@ -30,18 +32,28 @@ pub(super) async fn analyse(State(state): State<AppState>, parts: Parts, body: B
     let body = json_body(&parts.headers, body).await?;
     let asked = AnalysisRequest::parse(&body).map_err(|error| Problem::explained(&error.to_string()))?;
     let (read, runtime) = (Arc::clone(&city), Handle::current());
-    let limits = &state.analyses;
-    let (max_cells, threads) = (limits.cells, WorkThreads::new(limits.at_once, "analyse"));
+    let format = asked.format();
+    let drawing = DrawLimits::of_triangles(state.drawings.triangles);
+    let limits = AnswerLimits { cells: state.analyses.cells, drawing };
+    let threads = WorkThreads::new(state.analyses.at_once, "analyse");
     let work = move |stop: &StopFlag| {
         threads.install(|| {
             let goes_on = |_: f64| !stop.is_stopped();
-            with_source(&read, (&runtime, stop), |source| asked.answer(source, max_cells, &goes_on))
+            with_source(&read, (&runtime, stop), |source| asked.answer(source, limits, &goes_on))
                 .map_err(|error| RequestError::Source(ExportError::Source(error)))?
         })
     };
     let made = state.work(WorkKind::Analyse).run(RequestClient::of(&parts), work).await.map_err(|_| no_time())?;
     let answer = made.map_err(|error| problem(&state, &city, &error))?;
-    Ok(response_with(answer, &[(header::CONTENT_TYPE, "application/json")]))
+    let content_type = match format {
+        AnswerFormat::GeoJson => "application/json",
+        AnswerFormat::Pdf => "application/pdf",
+        AnswerFormat::Png => "image/png",
+    };
+    Ok(response_with(
+        answer,
+        &[(header::CONTENT_TYPE, content_type), (header::CONTENT_SECURITY_POLICY, "default-src 'none'")],
+    ))
 }
 
 fn no_time() -> Problem {

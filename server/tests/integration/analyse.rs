@@ -156,6 +156,54 @@ async fn a_border_of_the_classes_is_what_the_rule_asks_for() {
     server.stop().await;
 }
 
+/// What a request is answered with, whose type is as expected.
+async fn made(server: &TestServer, options: &str, content_type: &str) -> Vec<u8> {
+    let (head, body) = post(server, PATH, JSON, options).await;
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head} {}", String::from_utf8_lossy(&body));
+    assert!(head.contains(&format!("content-type: {content_type}\r\n")), "{head}");
+    body
+}
+
+#[tokio::test]
+async fn a_sheet_is_that_of_the_command() {
+    let server = start(|_| {}).await;
+    let options = options(r#""kind":"shadow","time":"2025-12-21T12:00","format":"pdf""#);
+    let sheet = made(&server, &options, "application/pdf").await;
+    let area = AREA.map(|side| side.to_string()).join(",");
+    let folder = server.folder.path();
+    let line = format!("--bbox-metres {area} --reach 500 --out a.tif --pdf a.pdf");
+    run(folder, &format!("analyse house shadow --time 2025-12-21T12:00 {line}"));
+    assert!(sheet.starts_with(b"%PDF-") && sheet == fs::read(folder.join("a.pdf")).unwrap());
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_place_has_a_picture_of_its_sky() {
+    let server = start(|_| {}).await;
+    let picture = async |asked: &str, place: [u32; 2]| {
+        let options = format!(r#"{{{asked},"format":"png","point_metres":{place:?}}}"#);
+        image::load_from_memory(&made(&server, &options, "image/png").await).unwrap().to_rgb8()
+    };
+    let [sky, house, sun, shade] = [[205, 226, 245], [120, 116, 112], [255, 205, 40], [40, 30, 80]];
+    for asked in [
+        r#""kind":"sun","rule":"en-17037""#,
+        r#""kind":"sky""#,
+        r#""kind":"solar""#,
+        r#""kind":"shadow","time":"2025-12-21T12:00+01:00""#,
+    ] {
+        let behind = picture(asked, [85_010, 447_015]).await;
+        let share = |color: [u8; 3]| behind.pixels().filter(|pixel| pixel.0 == color).count();
+        assert!([sky, house, shade].map(share).iter().all(|pixels| *pixels > 300), "{asked}");
+    }
+    let roof = picture(r#""kind":"sun","rule":"en-17037""#, [85_010, 447_006]).await;
+    let share = |color: [u8; 3]| roof.pixels().filter(|pixel| pixel.0 == color).count();
+    assert!(share(sun) > 500 && share(house) < 300, "nothing hides the sky of the roof");
+    // The same place in degrees.
+    let degrees = r#"{"kind":"sun","rule":"en-17037","format":"png","point":[4.36783,52.00701]}"#;
+    assert!(image::load_from_memory(&made(&server, degrees, "image/png").await).is_ok());
+    server.stop().await;
+}
+
 #[tokio::test]
 async fn pages_name_the_rules_where_analyses_are_made() {
     let folder = tempfile::tempdir().unwrap();
@@ -201,6 +249,9 @@ async fn hostile_questions_are_explained() {
         (r#""kind":"shadow","time":"2025-12-21T12:00","time_zone":"Moon/Sea""#, "time_zone"),
         (r#""kind":"sky","out":"a.tif""#, "out"),
         (r#""kind":"sky","bbox":[4,52,4.01,52.01]"#, "at most one"),
+        (r#""kind":"sky","format":"tif""#, "geojson"),
+        (r#""kind":"sky","format":"png""#, "png has a point"),
+        (r#""kind":"sky","point":[4,52]"#, "only png has one"),
     ] {
         assert_refused(&server, PATH, JSON, &options(asked), 400, words).await;
     }
@@ -210,6 +261,12 @@ async fn hostile_questions_are_explained() {
         (r#"{"kind":"sky","bbox_metres":[1e300,0,2e300,1]}"#, "in metres"),
         (r#"{"kind":"sky","bbox_metres":[0,0,10,10]}"#, "#area-outside"),
         (r#"{"kind":"sky","bbox_metres":[84000,446000,86000,448000]}"#, "#area-too-large"),
+        (r#"{"kind":"sky","format":"png"}"#, "either point or point_metres"),
+        (r#"{"kind":"sun","format":"png","point_metres":[85010,447015]}"#, "nl-tno-light"),
+        (r#"{"kind":"sky","format":"png","point":[4,52],"point_metres":[85010,447015]}"#, "either point"),
+        (r#"{"kind":"sky","format":"png","point_metres":[0,0]}"#, "#area-outside"),
+        (r#"{"kind":"sky","format":"png","point_metres":[1e300,0]}"#, "out of the city's"),
+        (r#"{"kind":"sky","format":"png","point":[4,95]}"#, "out of the city's"),
     ] {
         assert_refused(&server, PATH, JSON, asked, 400, words).await;
     }

@@ -6,8 +6,8 @@ use super::files::summary;
 use super::proposal::AfterProposal;
 use super::site_of;
 use crate::analysis::answer::{Answer, Progress, notes_of};
+use crate::analysis::evidence::{GROUND_M, credit, png};
 use crate::args::{AnalyseArgs, Analysis};
-use image::ImageFormat;
 use insula_analysis::buildings::PlaceValues;
 use insula_analysis::evidence::Evidence;
 use insula_analysis::points::{Point, PointHeight, PointSun, around, parse_points, sun_at_points, write_table};
@@ -18,15 +18,12 @@ use insula_analysis::surface::CitySurface;
 use insula_archive::file::read_text;
 use insula_bake::read::EarthPlace;
 use insula_export::source::ExportSource;
-use insula_export::table::{ExportError, attribution};
+use insula_export::table::ExportError;
 use insula_protocol::text::{count, printable};
 use serde_json::json;
-use std::io::Cursor;
 use std::path::Path;
 
-/// How far around points the ground is read.
-const GROUND_M: f64 = 20.0;
-/// The same with a proposal, which may remove buildings around the points.
+/// How far around points the ground is read with a proposal, which may remove buildings around the points.
 const CLEARED_GROUND_M: f64 = 100.0;
 const MAX_POINTS_BYTES: u64 = 256 << 20;
 /// Most pictures of one run: each takes a second.
@@ -85,13 +82,6 @@ pub(super) fn city_at(
     })
 }
 
-/// The city and who must be named.
-fn credit(source: &dyn ExportSource) -> String {
-    let attribution = attribution(source.manifest());
-    let title = &source.manifest().title;
-    if attribution.is_empty() { title.clone() } else { format!("{title}: {attribution}") }
-}
-
 /// Writes a picture of each point that has a place, and returns how many. Fails if one cannot be written.
 fn write_pictures(
     evidence: &Evidence<'_>,
@@ -104,10 +94,8 @@ fn write_pictures(
     for (i, (point, sun)) in points.iter().zip(suns).enumerate() {
         let Some(sun) = sun else { continue };
         let path = folder.join(picture_name(i + 1, &point.id));
-        let mut bytes = Cursor::new(Vec::new());
-        let written = evidence.picture(point, sun).write_to(&mut bytes, ImageFormat::Png);
-        written.map_err(|error| CommandError::write(&path, error))?;
-        write(&path, bytes.get_ref())?;
+        let bytes = png(&evidence.picture(point, sun)).map_err(|error| CommandError::write(&path, error))?;
+        write(&path, &bytes)?;
         number += 1;
     }
     Ok(number)
