@@ -63,7 +63,12 @@ function fileName(manifest) {
   return `${printable(manifest.name).replaceAll(/[^a-z0-9_-]/gi, '-')}-${time}`;
 }
 
-function download(blob, name) {
+/**
+ * Saves a file of the page.
+ * @param {Blob} blob
+ * @param {string} name
+ */
+export function download(blob, name) {
   const href = URL.createObjectURL(blob);
   const link = element('a', { href, download: name });
   link.click();

@@ -52,8 +52,13 @@ export function sharePanel(page) {
   return { title: texts.title, content: [link.node, native.node, send, state], opened, copyLink };
 }
 
-/** A field that is read-only, with a button that copies it. */
-function copyRow(text, copy) {
+/**
+ * A field that is read-only, with a button that copies it.
+ * @param {string} text
+ * @param {(input: HTMLInputElement) => void} copy
+ * @returns {{node: HTMLElement, input: HTMLInputElement}}
+ */
+export function copyRow(text, copy) {
   const { node, input } = field({ text, readOnly: true });
   input.dir = 'ltr';
   input.addEventListener('focus', () => input.select());

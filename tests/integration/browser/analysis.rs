@@ -38,6 +38,42 @@ fn open(at_once: &str, options: PageOptions) -> Result<(ServerProcess, CityPage)
     Ok((server, page))
 }
 
+/// The click has fetched what the place sees of the sky; a button saves the sheet of paper.
+fn ensure_sky_and_sheet(page: &CityPage, state: &str) -> Result<()> {
+    page.page.wait_for(&format!("{PANEL}.querySelector('img').naturalWidth >= 900"), REACTION)?;
+    keep(page, "analysis-sky")?;
+    // Downloads would leave the test.
+    page.page.evaluate(
+        "(make => {
+            URL.createObjectURL = (blob) => {
+                globalThis.insulaType = blob.type;
+                return make.call(URL, blob);
+            };
+            HTMLAnchorElement.prototype.click = function () { globalThis.insulaSaved = this.download; };
+        })(URL.createObjectURL)",
+    )?;
+    page.page.evaluate(&format!("{PANEL}.querySelector('.analysis > button').click()"))?;
+    page.page.wait_for("insulaSaved === 'sun.pdf' && insulaType === 'application/pdf'", REACTION)?;
+    page.page.wait_for(&format!("{state} === 'Sheet saved'"), REACTION)
+}
+
+/// The link of a result shows the same result.
+fn ensure_link_shows(page: &CityPage, text: &str) -> Result<()> {
+    let link = page.page.evaluate(&format!("{PANEL}.querySelector('.analysis input').value"))?;
+    let link = link.as_str().unwrap_or_default();
+    ensure!(link.contains("camera=") && link.contains("analyse=sun,en-17037,") && link.ends_with(",300"), "{link}");
+    let linked = CityPage::open(browser(false)?.as_ref(), OPTIONS, link)?;
+    linked.page.wait_for(&format!("{PANEL}.querySelectorAll('.classes li').length >= 3"), REACTION)?;
+    let shown = linked.page.evaluate(&format!("{PANEL}.querySelector('.analysis').innerText"))?;
+    ensure!(shown == text, "{shown} in place of {text}");
+    let rule = linked.page.evaluate(&format!("{PANEL}.querySelector('select').value"))?;
+    ensure!(rule == "en-17037", "{rule}");
+    // A link that is malformed asks for nothing.
+    linked.page.evaluate("location.hash = 'analyse=sun,none,1,2,300'")?;
+    ensure!(linked.page.evaluate(&format!("{PANEL}.querySelector('select').value"))? == "en-17037", "{link}");
+    ensure_no_problems(&linked)
+}
+
 pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
     let (_server, page) = open("1", OPTIONS)?;
     let is_drawer = |url: &str| url.ends_with("/draped-figures.js");
@@ -65,6 +101,8 @@ pub(super) fn the_server_analyses_what_is_in_view() -> Result<()> {
     page.page.wait_for(&format!("{state}.startsWith('Here: ')"), REACTION)?;
     let selected = page.page.evaluate(&format!("{}.selection.length", CityPage::element(0)))?;
     ensure!(selected == 0, "a click on the colours selects {selected} objects");
+    ensure_sky_and_sheet(&page, &state)?;
+    ensure_link_shows(&page, text)?;
     // What the server says is English: the panel has the reasons in the language of the page.
     for (response, reason) in [
         ("Promise.resolve(Response.json({ detail: 'no time' }, { status: 503 }))", "the server has too much to do: "),

@@ -9,10 +9,11 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 11] = [
+const ENTRIES: [(&str, &str); 12] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
     // The page imports them once they are needed.
+    ("analysis-view.js", "analysis-view.js"),
     ("draped-figures.js", "draped-figures.js"),
     ("proposal-view.js", "proposal-view.js"),
     ("engine.js", "engine.js"),
