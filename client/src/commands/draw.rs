@@ -1,7 +1,7 @@
 //! `insula draw`: a city as vector shapes.
 
 use super::city_tiles::fetch_tile;
-use super::connect::connect;
+use super::connect;
 use super::embedded::{BakeJob, CacheRoot, bake_cached, cache_key};
 use super::open::{is_address, is_baked};
 use crate::args::{DrawArgs, GlobalArgs};

@@ -1,6 +1,6 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
-use super::connect::FindPlace;
+use super::FindPlace;
 use crate::error::{ClientError, Result};
 use crate::ui::connector::StartStatus;
 use insula_bake::read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions, ReadOptions};

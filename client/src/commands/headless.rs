@@ -1,7 +1,6 @@
 //! Sessions without a window, for `snapshot`, `fly` and `demo`.
 
-use super::connect::connect;
-use super::proposal;
+use super::{connect, proposal};
 use crate::args::GlobalArgs;
 use crate::error::Result;
 use crate::image_files::{PictureNotes, write_picture};

@@ -1,10 +1,9 @@
 //! `insula view`: a city in a window.
 
-use super::connect::{FindPlace, connect};
 #[cfg(feature = "embedded")]
 use super::embedded::{BakeJob, CacheRoot, find_baked};
 use super::headless::{INITIAL_REQUESTS, settle};
-use super::proposal;
+use super::{FindPlace, connect, proposal};
 use crate::args::{GlobalArgs, ViewArgs};
 use crate::camera_files::{PlacedCamera, given_camera, read_path};
 use crate::error::{ClientError, Result};

@@ -4,7 +4,7 @@ use super::fixture_city::{GROUND_M, MESH_M, ORIGIN, ROOF_M, city, city_files, ci
 use super::test_server::{Reply, TestServer};
 use super::viewers::{CENTRE, SimulatedViewer, draw_until_settled, global_args, open_session, request, settle, street};
 use glam::DVec3;
-use insula_client::commands::connect::connect;
+use insula_client::commands::connect;
 use insula_client::session::Session;
 use insula_client::stream::fetch::Http;
 use insula_protocol::route;

@@ -4,7 +4,7 @@ use super::fixture_city::ORIGIN;
 use super::test_server::TestServer;
 use glam::DVec3;
 use insula_client::args::GlobalArgs;
-use insula_client::commands::connect::connect;
+use insula_client::commands::connect;
 use insula_client::render::{Adapter, AdapterChoice, OpenedAdapter};
 use insula_client::session::Session;
 use insula_client::stream::BackgroundFetcher;

@@ -5,19 +5,19 @@
 
 mod cuboid;
 mod landmarks;
-mod objects;
-mod texture;
 
 use crate::codec::byte_reader::ByteReader;
 pub use crate::codec::object_names::NO_OBJECT;
-use crate::codec::range::{RangeDecoder, RangeEncoder};
+use crate::codec::object_names::{Naming, code_list};
+use crate::codec::range::{BitCoder, RangeDecoder, RangeEncoder};
 use crate::error::{DecodeError, check_limit, invalid_if};
 use crate::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
 pub use cuboid::cuboid;
+use image::{ImageFormat, ImageReader, Limits};
 pub use landmarks::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS};
-pub use texture::decode_webp;
+use std::io::Cursor;
 
 /// Maximum number of levels of detail of a leaf; 0 is the finest.
 pub const MAX_LODS: u8 = 6;
@@ -62,7 +62,7 @@ fn read_objects(tile: &TileReader<'_>, mesh: &Mesh) -> Result<Vec<u32>, DecodeEr
         return Ok(Vec::new());
     }
     let mut coder = RangeDecoder::new(&section);
-    let objects = objects::code(&mut coder, &mesh.triangles, mesh.positions.len(), &[])?;
+    let objects = code_objects(&mut coder, &mesh.triangles, mesh.positions.len(), &[])?;
     invalid_if(objects.iter().all(|object| *object == NO_OBJECT), "a section of objects that no triangle shows")?;
     match coder.unread_bytes() {
         0 => Ok(objects),
@@ -131,7 +131,7 @@ impl MeshTile {
         let coded = Mesh::decode_within(mesh, MAX_TRIANGLES)?;
         let objects: Vec<u32> = corners.iter().step_by(3).map(|corner| self.objects[*corner as usize / 3]).collect();
         let mut coder = RangeEncoder::default();
-        objects::code(&mut coder, &coded.triangles, coded.positions.len(), &objects)?;
+        code_objects(&mut coder, &coded.triangles, coded.positions.len(), &objects)?;
         Ok(coder.finish())
     }
 
@@ -226,5 +226,89 @@ impl TileTexture {
         // Other WebP files can contain a second size.
         let is_simple = matches!(self.bytes.get(8..16), Some(b"WEBPVP8 " | b"WEBPVP8L"));
         invalid_if(!is_simple || !self.bytes.starts_with(b"RIFF"), "a texture is not a WebP file of one chunk")
+    }
+}
+
+/// Writes or reads the object of each triangle. Fails if no triangle has an object.
+fn code_objects<C: BitCoder>(
+    coder: &mut C,
+    triangles: &[[u32; 3]],
+    vertices: usize,
+    objects: &[u32],
+) -> Result<Vec<u32>, DecodeError> {
+    let list = code_list(coder, if C::WRITES { distinct(objects) } else { Vec::new() }, triangles.len())?;
+    let mut naming = Naming::new(coder, &list);
+    // One more than the last triangle at each vertex.
+    let mut last = vec![0usize; vertices];
+    let mut out: Vec<u32> = Vec::with_capacity(triangles.len());
+    for (t, triangle) in triangles.iter().enumerate() {
+        let mut before = triangle.map(|vertex| last[vertex as usize]);
+        before.sort_unstable_by(|a, b| b.cmp(a));
+        let known = before.iter().filter(|t| **t > 0).count();
+        let agree = before[..known].windows(2).all(|pair| out[pair[0] - 1] == out[pair[1] - 1]);
+        let context = known + if agree { 4 } else { 0 };
+        let candidates: [Option<u32>; 3] = before.map(|t| t.checked_sub(1).map(|t| out[t]));
+        let value = objects.get(t).copied().unwrap_or(0);
+        out.push(naming.name(0, context, candidates.into_iter().flatten(), value));
+        triangle.iter().for_each(|vertex| last[*vertex as usize] = t + 1);
+    }
+    Ok(out)
+}
+
+fn distinct(objects: &[u32]) -> Vec<u32> {
+    let mut list: Vec<u32> = objects.iter().copied().filter(|object| *object != NO_OBJECT).collect();
+    list.sort_unstable();
+    list.dedup();
+    list
+}
+
+/// Most bytes that decoding may take beyond the texels: per texel, and in all.
+const DECODING_BYTES_PER_TEXEL: u64 = 16;
+const DECODING_BYTES: u64 = 1 << 20;
+
+impl TileTexture {
+    /// Decodes the texture: three bytes per texel in sRGB, row by row from the upper left.
+    ///
+    /// Fails as [`decode_webp`] does.
+    pub fn decode(&self) -> Result<Vec<u8>, DecodeError> {
+        decode_webp(&self.bytes, self.size_px.map(u32::from))
+    }
+}
+
+/// Decodes a WebP file of a stated width and height, which bound the memory that is taken: three bytes per texel in sRGB.
+///
+/// Fails if the file is damaged, takes more memory than an image of that size needs, or is of another size.
+pub fn decode_webp(file: &[u8], size_px: [u32; 2]) -> Result<Vec<u8>, DecodeError> {
+    let damaged = |_| DecodeError::Invalid("a mesh's texture is damaged");
+    let [width_px, height_px] = size_px;
+    let texels = u64::from(width_px) * u64::from(height_px);
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
+    limits.max_alloc = Some(texels.saturating_mul(DECODING_BYTES_PER_TEXEL).saturating_add(DECODING_BYTES));
+    let mut reader = ImageReader::with_format(Cursor::new(file), ImageFormat::WebP);
+    reader.limits(limits);
+    let rgb = reader.decode().map_err(damaged)?.into_rgb8();
+    invalid_if(rgb.dimensions() != (width_px, height_px), "a mesh's texture is not of its stated size")?;
+    Ok(rgb.into_raw())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgb, RgbImage};
+
+    #[test]
+    fn decodes_a_webp_of_the_stated_size_only() {
+        let image = RgbImage::from_fn(70, 30, |x, y| Rgb([x as u8, y as u8, 9]));
+        let mut webp = Cursor::new(Vec::new());
+        image.write_to(&mut webp, ImageFormat::WebP).unwrap();
+        let webp = webp.into_inner();
+        let decode = |size_px, bytes: &[u8]| TileTexture { size_px, bytes: bytes.to_vec() }.decode();
+        assert_eq!(decode([70, 30], &webp).unwrap(), image.into_raw());
+        for (size_px, bytes) in
+            [([70, 31], &webp[..]), ([71, 30], &webp), ([35, 15], &webp), ([70, 30], &webp[..60]), ([70, 30], &[])]
+        {
+            assert!(matches!(decode(size_px, bytes), Err(DecodeError::Invalid(_))), "{size_px:?}");
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Occlusion on the CPU: all cores draw and test maps.
 
+use crate::ViewPair;
 use crate::depth_map::{DepthMap, Projected};
-use crate::directions::ViewPair;
 use crate::prepared::PreparedScene;
 use crate::settings::OcclusionError;
 use crate::sums::OcclusionSums;

@@ -13,7 +13,6 @@
 
 mod cpu;
 mod depth_map;
-mod directions;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod prepared;
@@ -23,11 +22,13 @@ mod sums;
 mod tests;
 mod visibility;
 
+use glam::DVec3;
 use prepared::PreparedScene;
 pub use prepared::REACH_RADII;
 pub use settings::{
     MAP_PX, MAX_COORDINATE, MAX_COUNT, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS,
 };
+use std::f64::consts::PI;
 
 /// Occlusion of a mesh's vertices, on all threads of the current rayon pool.
 ///
@@ -45,7 +46,7 @@ pub fn cpu(
     watch: &(dyn Fn(u32) -> bool + Sync),
 ) -> Result<Occlusion, OcclusionError> {
     let scene = PreparedScene::new(mesh, occluders, settings)?;
-    let sums = cpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
+    let sums = cpu::sums(&scene, &view_pairs(settings.pairs()), settings.bent_normals, watch)?;
     Ok(sums.finish(&scene, settings.bent_normals))
 }
 
@@ -60,6 +61,42 @@ pub fn gpu(
     watch: &(dyn Fn(u32) -> bool + Sync),
 ) -> Result<Occlusion, OcclusionError> {
     let scene = PreparedScene::new(mesh, occluders, settings)?;
-    let sums = gpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
+    let sums = gpu::sums(&scene, &view_pairs(settings.pairs()), settings.bent_normals, watch)?;
     Ok(sums.finish(&scene, settings.bent_normals))
+}
+
+/// Length of a unit vector's whole numbers.
+pub(crate) const UNIT: f64 = 16_384.0;
+/// Its binary logarithm.
+pub(crate) const UNIT_SHIFT: u32 = 14;
+
+/// Two opposite directions, in whole numbers, so that the CPU and every GPU project a vertex to the same place, to the last bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ViewPair {
+    /// Right, down and towards the viewer: nearly orthogonal vectors of length [`UNIT`].
+    pub(crate) axes: [[i32; 3]; 3],
+}
+
+/// `count` pairs, spread evenly over the sphere: a spherical Fibonacci set on one half (Keinert et al. 2015, "Spherical
+/// Fibonacci mapping"), and its opposites.
+pub(crate) fn view_pairs(count: u32) -> Vec<ViewPair> {
+    let golden_angle_rad = PI * (3.0 - 5f64.sqrt());
+    let pair = |i: u32| {
+        let z = 1.0 - (f64::from(i) + 0.5) / f64::from(count);
+        let (sin, cos) = libm::sincos(f64::from(i) * golden_angle_rad);
+        let r = (1.0 - z * z).sqrt();
+        let whole = |v: DVec3| (v * UNIT).round().as_ivec3().to_array();
+        let towards = whole(DVec3::new(r * cos, r * sin, z));
+        // The other axes belong to the rounded direction.
+        let axis = DVec3::from(towards.map(f64::from)).normalize_or(DVec3::Z);
+        let (right, down) = axis.any_orthonormal_pair();
+        ViewPair { axes: [whole(right), whole(down), towards] }
+    };
+    (0..count).map(pair).collect()
+}
+
+/// Scalar product with whole numbers, without rounding.
+#[inline(always)]
+pub(crate) fn dot(a: [i32; 3], b: [i32; 3]) -> i64 {
+    i64::from(a[0]) * i64::from(b[0]) + i64::from(a[1]) * i64::from(b[1]) + i64::from(a[2]) * i64::from(b[2])
 }

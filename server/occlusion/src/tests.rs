@@ -1,7 +1,9 @@
 //! Known values, error against rays, hostile inputs, threads.
 
 use crate::prepared::PreparedScene;
-use crate::{MAP_PX, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS, cpu};
+use crate::{
+    MAP_PX, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, UNIT, VIEWS, ViewPair, cpu, dot, view_pairs,
+};
 use glam::{DVec3, Vec3A};
 use insula_test_support::rng::Rng;
 use obvhs::BvhBuildParams;
@@ -225,4 +227,22 @@ fn work_is_watched_and_can_be_cancelled() {
     cpu(mesh, &[], OcclusionSettings { views: 63, ..SETTINGS }, &count).unwrap();
     assert_eq!((calls.load(Relaxed), most.load(Relaxed)), (32, 64));
     assert_eq!(cpu(mesh, &[], SETTINGS, &|views| views < 20), Err(OcclusionError::Cancelled));
+}
+
+#[test]
+fn pairs_are_distinct_even_and_nearly_orthogonal() {
+    for count in [1, 2, 32, 128, 2048] {
+        let pairs = view_pairs(count);
+        for ViewPair { axes: [x, y, z] } in &pairs {
+            for (a, b) in [(x, y), (y, z), (z, x)] {
+                assert!(dot(*a, *b).abs() < 3 * UNIT as i64, "{pairs:?}");
+            }
+            assert!((dot(*z, *z) as f64).sqrt() - UNIT < 1.0);
+        }
+        // The second moments of an even set of lines are those of the sphere.
+        for k in 0..3 {
+            let moment = pairs.iter().map(|p| (f64::from(p.axes[2][k]) / UNIT).powi(2)).sum::<f64>();
+            assert!(count < 32 || (moment / f64::from(count) - 1.0 / 3.0).abs() < 0.02, "{count}: {moment}");
+        }
+    }
 }

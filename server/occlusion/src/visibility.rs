@@ -1,9 +1,9 @@
 //! Whether a vertex is seen from a direction (Mischitelli 2007, 3.3).
 
 use crate::depth_map::{DepthMap, Projected};
-use crate::directions::{UNIT_SHIFT, ViewPair, dot};
 use crate::prepared::{MapFrame, SUBTEXEL_BITS};
 use crate::sums::COSINE_BITS;
+use crate::{UNIT_SHIFT, ViewPair, dot};
 
 /// A vertex may lie this much behind a map's depth, in texels, besides what its surface is inclined by (3.3.1).
 pub(crate) const BIAS_TEXELS: f32 = 0.75;

@@ -5,4 +5,3 @@ pub mod model;
 pub mod repair;
 pub mod simplify;
 pub mod surface;
-mod triangle_distance;

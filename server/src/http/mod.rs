@@ -63,8 +63,6 @@ mod tile_cache;
 mod tileset;
 mod tls;
 mod turns;
-mod viewer_content;
-mod viewer_files;
 mod work_queues;
 #[cfg(feature = "bake")]
 mod work_threads;

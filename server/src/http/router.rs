@@ -1,12 +1,16 @@
 //! The routes of all addresses.
 
 use super::problem::Problem;
+use super::state::AppState;
 use super::thread_state::ThreadState;
-use super::{city_page, filter, group, health, index_page, manifest, search, tile, viewer_files, wrong_address};
+use super::{city_page, filter, group, health, index_page, manifest, search, tile, wrong_address};
 use axum::Router;
+use axum::extract::State;
+use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::Response;
 use axum::routing::{MethodRouter, get};
-use insula_protocol::route::RouteTemplate;
+use insula_protocol::route::{Route, RouteTemplate};
 
 pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
 
@@ -39,8 +43,8 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         | RouteTemplate::Visibility => get(tile::tile),
         RouteTemplate::CityPage => get(city_page::city_page),
         RouteTemplate::Thumbnail => get(city_page::thumbnail),
-        RouteTemplate::Asset => get(viewer_files::asset),
-        RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
+        RouteTemplate::Asset => get(asset),
+        RouteTemplate::ServiceWorker => get(service_worker),
         RouteTemplate::Search => get(search::search),
         RouteTemplate::Filter => get(filter::filter),
         RouteTemplate::Groups => get(group::group),
@@ -63,6 +67,25 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
 async fn method_not_allowed() -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "only GET, HEAD and OPTIONS are supported")
         .with(header::ALLOW, ALLOWED_METHODS)
+}
+
+const NO_FILE: Problem = Problem::not_found("the viewer of this server has no such file: load the page again");
+/// The service worker fetches from its own host, and runs no other script.
+const WORKER_POLICY: HeaderValue = HeaderValue::from_static("default-src 'none'; connect-src 'self'");
+
+/// `/assets/{hash}/{file}`. Fails with 404 for files of another version.
+async fn asset(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let Ok(Route::Asset { hash, file }) = Route::parse(parts.uri.path()) else { return Err(NO_FILE) };
+    let content = state.viewer.as_ref().and_then(|viewer| viewer.file(hash, file)).ok_or(NO_FILE)?;
+    Ok(content.response_to(&parts))
+}
+
+/// `/service-worker.js`
+async fn service_worker(State(state): State<AppState>, parts: Parts) -> Result<Response, Problem> {
+    let content = state.viewer.as_ref().and_then(|viewer| viewer.service_worker()).ok_or(NO_FILE)?;
+    let mut response = content.response_to(&parts);
+    response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, WORKER_POLICY);
+    Ok(response)
 }
 
 #[cfg(test)]

@@ -4,21 +4,23 @@ use super::access_control::AccessControl;
 use super::catalog::Catalog;
 use super::city_documents::CityDocuments;
 use super::computed_cache::ComputedCache;
+use super::content_encoding::EncodedContent;
 use super::fair_queue::FairQueue;
 use super::in_flight::InFlightBudget;
 use super::log_limit::LogLimit;
 use super::metrics::HttpMetrics;
 use super::rate_limit::RateLimiter;
-use super::viewer_content::ViewerContent;
+use super::representation::{IMMUTABLE, REVALIDATE};
 use super::work_queues::{WorkKind, WorkQueues};
 use crate::config::{
     AnalysesConfig, CorsPolicy, DrawingsConfig, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig, SiteConfig,
 };
-use crate::page::{Brand, Languages, SiteTexts, ViewerAssets};
+use crate::page::{Brand, Languages, SERVICE_WORKER_FILE, SiteTexts, ViewerAssets, ViewerFile, media_type};
 use crate::store::Store;
 use arc_swap::{ArcSwap, Guard};
 use axum::http::{HeaderMap, HeaderValue, header};
 use insula_protocol::route::RouteTemplate;
+use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -230,5 +232,36 @@ impl AppState {
             *digit = DIGITS[(id >> (4 * at)) as usize & 15];
         }
         HeaderValue::from_bytes(&text).unwrap_or(HeaderValue::from_static("none"))
+    }
+}
+
+/// The viewer with its files ready to be sent.
+#[derive(Debug)]
+pub(super) struct ViewerContent {
+    pub(super) assets: ViewerAssets,
+    files: BTreeMap<String, EncodedContent>,
+    service_worker: Option<EncodedContent>,
+}
+
+impl ViewerContent {
+    pub(super) fn new(assets: ViewerAssets) -> Self {
+        let content = |name: &str, file: &ViewerFile, cache_control| {
+            let ViewerFile { plain, brotli, gzip } = file.clone();
+            EncodedContent::compressed_before(plain, brotli, gzip, media_type(name), cache_control)
+        };
+        let files = assets.files().map(|(name, file)| (name.to_owned(), content(name, file, IMMUTABLE))).collect();
+        let worker = assets.files().find(|(name, _)| *name == SERVICE_WORKER_FILE);
+        let service_worker = worker.map(|(name, file)| content(name, file, REVALIDATE));
+        Self { assets, files, service_worker }
+    }
+
+    /// A file of the version `hash`.
+    pub(super) fn file(&self, hash: &str, name: &str) -> Option<&EncodedContent> {
+        self.files.get(name).filter(|_| hash == self.assets.hash())
+    }
+
+    /// The script that keeps visited cities for offline use.
+    pub(super) fn service_worker(&self) -> Option<&EncodedContent> {
+        self.service_worker.as_ref()
     }
 }

@@ -1,7 +1,6 @@
 //! The looks that an office gives its pages: name, logo, colour, imprint and first views.
 
-use super::SITE_TITLE;
-use super::html::escape_html;
+use super::{SITE_TITLE, escape_html};
 use crate::config::SiteConfig;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

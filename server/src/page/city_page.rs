@@ -3,11 +3,11 @@
 //! Its text is complete without scripts. The viewer takes the manifest from the page, and its files are named in the head, so
 //! that the browser fetches all of them at once.
 
-use super::about::{description, push_about};
-use super::html::{escape_html, script_json};
 use super::texts::SiteTexts;
-use super::versions::versions_text;
-use super::{Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets};
+use super::{
+    Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets, description, escape_html, push_about, script_json,
+    versions_text,
+};
 use insula_protocol::route::THUMBNAIL_PX;
 use std::fmt::Write;
 

@@ -1,9 +1,7 @@
 //! The page that lists cities, and pages that say what is wrong with an address. They have no scripts.
 
-use super::about::{extent_m, push_about};
-use super::html::{credit, escape_html};
 use super::texts::SiteTexts;
-use super::{Brand, CityFacts, CityLinks};
+use super::{Brand, CityFacts, CityLinks, credit, escape_html, extent_m, push_about};
 use std::fmt::Write;
 
 /// A page ends early at this size.

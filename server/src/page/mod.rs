@@ -2,28 +2,27 @@
 //!
 //! All text of cities is escaped. Pages have no inline scripts, and no style but one with a hash in the policy.
 
-mod about;
 mod assets;
 mod brand;
 mod city_page;
-mod html;
 mod list_page;
-mod policy;
 mod texts;
-mod versions;
 
 use crate::store::CityStore;
-pub(crate) use about::description;
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 pub(crate) use brand::Brand;
 pub(crate) use city_page::city_page;
-pub(crate) use html::escape_html;
 use insula_protocol::Manifest;
+use insula_protocol::manifest::Attribution;
+use list_page::STYLE;
 pub(crate) use list_page::{CityInList, CityListPage};
-pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
+use sha2::{Digest, Sha256};
+use std::fmt::Write;
+use std::sync::LazyLock;
 pub(crate) use texts::{Languages, SiteTexts};
-pub(crate) use versions::{CityVersion, versions_of};
 
 /// Says how to get the viewer, on the pages of a server that was built without it.
 pub(crate) const NO_VIEWER: &str =
@@ -74,4 +73,192 @@ pub(crate) struct CityLinks {
     pub(crate) versions: Vec<CityVersion>,
     /// Content-Security-Policy, if no header can have it.
     pub(crate) meta_policy: Option<String>,
+}
+
+/// Adds the description of a city after its title.
+fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLinks, texts: &SiteTexts) {
+    let (manifest, names) = (city.manifest, &texts.facts);
+    let size = format!("{}, {}", texts.size(&manifest.counts), texts.megabytes(city.file_bytes));
+    let system = manifest.crs.as_deref().unwrap_or(&names.local_metres);
+    let facts = [
+        (&names.extent, escape_html(&texts.extent_in_metres(extent_m(city)))),
+        (&names.size, escape_html(&size)),
+        (&names.reference_system, escape_html(system)),
+    ];
+    let sources = manifest.attribution.iter().map(|source| (&names.source, credit(source)));
+    out.push_str("<dl>");
+    for (name, html) in facts.into_iter().chain(sources) {
+        let _ = write!(out, "<dt>{}</dt><dd>{html}</dd>", escape_html(name));
+    }
+    out.push_str("</dl>");
+    if let Some(address) = &links.view_address {
+        let _ = write!(out, "<p><code>insula view {}</code></p>", escape_html(address));
+    }
+}
+
+/// A sentence about a city for search engines, previews of links and catalogues.
+pub(crate) fn description(city: CityFacts<'_>) -> String {
+    let manifest = city.manifest;
+    let [width, depth] = extent_m(city).map(|side| side / 1000.0);
+    let mut text =
+        format!("{} in three dimensions: {width:.1} km x {depth:.1} km, {}.", manifest.title, manifest.counts.words());
+    for source in &manifest.attribution {
+        let _ = write!(text, " {}", source.text);
+        if let Some(licence) = &source.licence {
+            let _ = write!(text, " ({licence})");
+        }
+        text.push('.');
+    }
+    text
+}
+
+/// Width and depth in metres.
+fn extent_m(city: CityFacts<'_>) -> [f64; 2] {
+    let [low, high] = city.manifest.bounds;
+    [high[0] - low[0], high[1] - low[1]]
+}
+
+/// Text that can stand in elements and in quoted attributes.
+pub(crate) fn escape_html(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A source's text with its link and licence.
+fn credit(source: &Attribution) -> String {
+    let mut text = escape_html(&source.text);
+    // Other schemes, such as javascript:, must not become links.
+    if let Some(url) = source.url.as_deref().filter(|url| url.starts_with("https://") || url.starts_with("http://")) {
+        text = format!("<a href=\"{}\" rel=\"noopener noreferrer\">{text}</a>", escape_html(url));
+    }
+    if let Some(licence) = &source.licence {
+        let _ = write!(text, " ({})", escape_html(licence));
+    }
+    text
+}
+
+/// JSON that can stand in a `<script>` element: nothing in it ends the element.
+fn script_json(json: &str) -> String {
+    json.replace('<', "\\u003c")
+}
+
+/// A version of a city.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct CityVersion {
+    /// As in `2024-01-31`.
+    pub(crate) date: String,
+    /// Address of its page.
+    pub(crate) page: String,
+}
+
+/// The versions of a city among all cities, the earliest first; empty if there is no other. `page` gives the address of the page of a city
+/// by its name.
+pub(crate) fn versions_of<'a>(
+    city: &Manifest,
+    all: impl Iterator<Item = &'a Manifest>,
+    page: impl Fn(&str) -> String,
+) -> Vec<CityVersion> {
+    let Some(own) = &city.release else { return Vec::new() };
+    let version = |other: &Manifest| {
+        let release = other.release.as_ref().filter(|release| release.of == own.of)?;
+        Some(CityVersion { date: release.date.clone(), page: page(&other.name) })
+    };
+    let mut versions: Vec<CityVersion> = all.filter_map(version).collect();
+    versions.sort();
+    if versions.len() > 1 { versions } else { Vec::new() }
+}
+
+/// The versions as the page's script reads them: the day and the address of each. Neither has a blank.
+fn versions_text(versions: &[CityVersion]) -> String {
+    let words = versions.iter().flat_map(|version| [version.date.as_str(), version.page.as_str()]);
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// A page can be shown in frames of other sites, as a map is.
+const FRAMES_RULE: &str = "; frame-ancestors *";
+const VIEWER_RULES: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
+    img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'; manifest-src 'self'; \
+    base-uri 'none'; form-action 'none'; require-trusted-types-for 'script'; trusted-types insula";
+
+/// The policy of pages with the viewer: only files of this host, and WebAssembly.
+pub(crate) fn viewer_policy() -> &'static str {
+    static POLICY: LazyLock<String> = LazyLock::new(|| VIEWER_RULES.to_owned() + FRAMES_RULE);
+    &POLICY
+}
+
+/// The policy of lists: no scripts, and the one style that they have.
+pub(crate) fn list_policy() -> &'static str {
+    static POLICY: LazyLock<String> = LazyLock::new(|| {
+        let hash = STANDARD.encode(Sha256::digest(STYLE.as_bytes()));
+        format!(
+            "default-src 'none'; style-src 'sha256-{hash}'; img-src 'self' data:; manifest-src 'self'; base-uri 'none'; \
+             form-action 'none'{FRAMES_RULE}"
+        )
+    });
+    &POLICY
+}
+
+/// A policy for a `<meta>` element, where browsers complain about a rule for frames.
+pub(crate) fn meta_policy(policy: &str) -> String {
+    policy.strip_suffix(FRAMES_RULE).unwrap_or(policy).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::release::Release;
+
+    #[test]
+    fn no_text_becomes_markup() {
+        assert_eq!(escape_html("<a b=\"c\" d='e'>&"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp;");
+        let hostile = serde_json::to_string("</script><script>alert(1)</script><!--").unwrap();
+        let json = script_json(&hostile);
+        assert!(!json.contains('<'));
+        assert_eq!(serde_json::from_str::<String>(&json).unwrap(), "</script><script>alert(1)</script><!--");
+    }
+
+    #[test]
+    fn only_web_addresses_become_links() {
+        let with_url = |url: &str| {
+            credit(&Attribution { text: "<b>".into(), licence: Some("\"L\"".into()), url: Some(url.into()) })
+        };
+        assert!(with_url("https://x/\"onclick=").starts_with("<a href=\"https://x/&quot;onclick=\" rel"));
+        assert_eq!(with_url("javascript:alert(1)"), "&lt;b&gt; (&quot;L&quot;)");
+    }
+
+    #[test]
+    fn versions_are_those_of_one_city_by_their_days() {
+        let city = |name: &str, of: &str, date: Option<&str>| {
+            let release =
+                |date: &str| Release { of: of.into(), date: date.into(), bake_origin: [0.0; 3], shared: Vec::new() };
+            Manifest { name: name.into(), release: date.map(release), ..Manifest::default() }
+        };
+        let all = [
+            city("b", "a", Some("2024-01-31")),
+            city("a", "a", Some("2020-01-01")),
+            city("c", "c", Some("2021-01-01")),
+            city("d", "d", None),
+        ];
+        let of = |city: &Manifest| versions_text(&versions_of(city, all.iter(), |name| format!("../{name}")));
+        assert_eq!(of(&all[0]), "2020-01-01 ../a 2024-01-31 ../b");
+        assert_eq!([of(&all[2]), of(&all[3])], ["", ""]);
+    }
+
+    #[test]
+    fn policies_allow_nothing_inline() {
+        for policy in [viewer_policy(), list_policy()] {
+            assert!(policy.starts_with("default-src 'none'; ") && !policy.contains("unsafe-inline"), "{policy}");
+            assert!(policy.ends_with(FRAMES_RULE) && !meta_policy(policy).contains("frame-ancestors"));
+        }
+    }
 }

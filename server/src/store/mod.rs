@@ -17,7 +17,6 @@ mod remote;
 mod requests;
 mod same_host;
 mod search;
-mod start;
 
 pub use cities::{RetentionPolicy, Store, StoreReload};
 pub use city::CityStore;

@@ -1,6 +1,6 @@
 //! The heights of a whole city on one grid: up to where each square is solid, and how high its highest point is.
 //!
-//! They come from the shapes of all nodes without children; `windows` makes tables of them.
+//! They come from the shapes of all nodes without children; `cells` makes tables of them.
 
 use crate::height_scale::HeightScale;
 use crate::shape::NodeShape;

@@ -9,11 +9,29 @@ mod cells;
 mod height_scale;
 mod heights;
 mod row_tables;
-mod settings;
 mod shape;
 mod sweep;
-mod windows;
 
 pub use cells::{CitySets, SWEEPS};
 pub use heights::{CityExtent, MAX_LEAF_SQUARES, MIN_LEAF_M, NoSets};
-pub use settings::Settings;
+use insula_protocol::visibility_tile::LAYERS;
+
+/// How finely sets are computed. Coarser values give larger sets, never incomplete ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// A cell's set is about this many squares of each scale on each side of the cell's.
+    pub reach: u8,
+    /// Number of ranges of directions, a multiple of 4.
+    pub sectors: u32,
+    /// Heights of the layers above the ground in decimetres, ascending.
+    pub layers_dm: [u16; LAYERS],
+    /// Least height of a horizon above a leaf that it hides, in metres per metre of distance. Nodes and meshes are drawn with errors of
+    /// up to a pixel.
+    pub slope_margin: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { reach: 8, sectors: 192, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
+    }
+}

@@ -13,9 +13,9 @@
 //!
 //! Lengths are in fine squares, heights in codes, slopes in codes for each fine square.
 
+use crate::Settings;
 use crate::heights::CityHeights;
 use crate::row_tables::{LANES, MAX_SOLID_RUN, MAX_TOP_RUN, MainAxis, RowTables, TOP_LEVELS};
-use crate::settings::Settings;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, SimdMask, dispatch, f32x8};
 use insula_protocol::visibility_tile::{LAYERS, SCALE_LEVELS, SCALES};

@@ -5,22 +5,20 @@
 
 pub mod city_page;
 mod connection;
-mod emulation;
 mod input;
 mod page;
 pub mod page_log;
 mod process;
 pub mod same_picture;
-mod slowdown;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use connection::Connection;
 pub use input::Button;
 pub use page::Page;
 use process::ChromiumProcess;
-use serde_json::json;
-pub use slowdown::Slowdown;
+use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 
 /// What a page is at first.
@@ -84,5 +82,92 @@ impl Browser {
     /// Proportional set size of all its processes in MiB.
     pub fn memory_mib(&self) -> f64 {
         self.process.memory_mib()
+    }
+}
+
+impl Page {
+    /// A network of `mbit` megabits per second in each direction, whose responses begin after `rtt_ms`.
+    pub fn emulate_network(&self, mbit: f64, rtt_ms: f64) -> Result<()> {
+        let bytes_per_sec = mbit * 1e6 / 8.0;
+        self.set_network(json!({
+            "offline": false, "latency": rtt_ms,
+            "downloadThroughput": bytes_per_sec, "uploadThroughput": bytes_per_sec,
+        }))
+    }
+
+    /// No network, or the machine's own.
+    pub fn set_offline(&self, is_offline: bool) -> Result<()> {
+        self.set_network(json!({
+            "offline": is_offline, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1,
+        }))
+    }
+
+    fn set_network(&self, conditions: Value) -> Result<()> {
+        self.log(|log| log.network = Some(conditions.clone()))?;
+        self.call_everywhere("Network.emulateNetworkConditions", &conditions)
+    }
+
+    /// A processor that is slower by a factor.
+    pub fn throttle_cpu(&self, rate: f64) -> Result<()> {
+        let params = json!({ "rate": rate });
+        self.log(|log| log.throttled = Some(params.clone()))?;
+        self.call_everywhere("Emulation.setCPUThrottlingRate", &params)
+    }
+
+    /// Size in CSS pixels, and device pixels per CSS pixel. `is_mobile` adds touch input.
+    pub fn set_viewport(&self, size: [u32; 2], ratio: f64, is_mobile: bool) -> Result<()> {
+        let [width, height] = size;
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": ratio, "mobile": is_mobile });
+        self.call("Emulation.setDeviceMetricsOverride", metrics)?;
+        let touch = match is_mobile {
+            true => json!({ "enabled": true, "maxTouchPoints": 5 }),
+            false => json!({ "enabled": false }),
+        };
+        self.call("Emulation.setTouchEmulationEnabled", touch).map(drop)
+    }
+
+    /// `dark` or `light`.
+    pub fn set_media(&self, color_scheme: &str) -> Result<()> {
+        let features = json!([{ "name": "prefers-color-scheme", "value": color_scheme }]);
+        self.call("Emulation.setEmulatedMedia", json!({ "features": features })).map(drop)
+    }
+
+    /// Whether scripts of pages run.
+    pub fn set_scripts(&self, run: bool) -> Result<()> {
+        self.call("Emulation.setScriptExecutionDisabled", json!({ "value": !run })).map(drop)
+    }
+}
+
+/// Stops and continues a process group. Ends when its input does, so it never outlives this process.
+const SLOWDOWN_SCRIPT: &str = r#"
+trap '' TERM
+while :; do
+    kill -STOP -- "-$0"; read -rt "$1"; stopped=$?
+    kill -CONT -- "-$0" || exit; read -rt "$2"; ran=$?
+    [ "$stopped" -gt 128 ] && [ "$ran" -gt 128 ] || exit
+done"#;
+/// Time of a stop and a run together.
+const PERIOD_SECS: f64 = 0.02;
+
+/// While it exists, a browser has a fraction of the processors' time. The protocol's own throttling holds up the main thread only,
+/// not workers, in which this project's viewer draws.
+#[derive(Debug)]
+pub struct Slowdown(Child);
+
+impl Slowdown {
+    fn start(group: u32, factor: f64) -> Result<Self> {
+        let run_secs = PERIOD_SECS / factor.max(1.0);
+        let [stop, run] = [PERIOD_SECS - run_secs, run_secs].map(|secs| format!("{secs:.4}"));
+        let mut command = Command::new("bash");
+        command.args(["-c", SLOWDOWN_SCRIPT, &group.to_string(), &stop, &run]);
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+        Ok(Self(command.spawn().context("bash")?))
+    }
+}
+
+impl Drop for Slowdown {
+    fn drop(&mut self) {
+        drop(self.0.stdin.take());
+        let _ = self.0.wait();
     }
 }

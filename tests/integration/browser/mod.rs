@@ -5,12 +5,10 @@
 //! browser, and those of WebGPU another: each page is apart from the others. They run one after another, because a page beside
 //! others is slow.
 
-mod accessibility;
 mod analysis;
 mod component;
 mod controls;
 mod driver;
-mod faults;
 mod map_layer;
 mod objects;
 mod pictures;
@@ -18,13 +16,19 @@ mod proposals;
 mod site;
 mod viewer;
 
-use anyhow::Result;
-use insula_tests::browser::Browser;
-use insula_tests::programs::{program, run};
+use anyhow::{Context, Result, ensure};
+use insula_tests::browser::city_page::CityPage;
+use insula_tests::browser::{Browser, Button, PageOptions};
+use insula_tests::fixtures;
+use insula_tests::programs::{ServerProcess, program, run};
 use insula_tests::trials::{Test, Trials, Turn};
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
+use viewer::{
+    DESKTOP, FREE, PHONE, PICTURE, REACTION, ensure_city_is_visible, ensure_same_view, keep, near_camera, open,
+    open_url, serve, url,
+};
 
 static BROWSER: Turn = Turn::new();
 /// Without and with a GPU.
@@ -56,8 +60,8 @@ const QUICK: [(&str, Run); 17] = [
     ("the_search_finds_objects", objects::the_search_finds_objects),
     ("the_server_analyses_what_is_in_view", analysis::the_server_analyses_what_is_in_view),
     ("a_proposal_is_shown_before_and_after", proposals::a_proposal_is_shown_before_and_after),
-    ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
-    ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
+    ("a_restarted_server_is_found_again", a_restarted_server_is_found_again),
+    ("an_offline_page_keeps_its_picture", an_offline_page_keeps_its_picture),
     ("panels_cover_nothing_on_a_phone", controls::panels_cover_nothing_on_a_phone),
     ("the_page_speaks_german", controls::the_page_speaks_german),
     ("an_article_keeps_its_wheel", component::an_article_keeps_its_wheel),
@@ -105,7 +109,7 @@ const WITH_FILES: [(&str, Run, &str, &str); 9] = [
     ("a_moving_map_takes_its_last_cast_along", map_layer::a_moving_map_takes_its_last_cast_along, VENDOR, MAPLIBRE),
     ("a_map_survives_a_lost_context", map_layer::a_map_survives_a_lost_context, VENDOR, MAPLIBRE),
     ("a_scene_has_the_city_in_it", map_layer::a_scene_has_the_city_in_it, VENDOR, "three.module.js"),
-    ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE", ""),
+    ("axe_finds_nothing_serious", axe_finds_nothing_serious, "INSULA_AXE", ""),
     ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM", ""),
 ];
 
@@ -157,4 +161,67 @@ fn is_viewer_built() -> bool {
         run(Command::new(program("insula-server")?).args(["publish", "no-such-city", "--out", "no-such-site"]))
     };
     publish().is_ok_and(|output| !String::from_utf8_lossy(&output.stderr).contains("has no viewer"))
+}
+
+/// In both appearances, and on a phone.
+fn axe_finds_nothing_serious() -> Result<()> {
+    let path = std::env::var_os("INSULA_AXE").context("INSULA_AXE names no file")?;
+    let axe = std::fs::read_to_string(path)?;
+    let (server, browser) = (serve()?, browser(false)?);
+    for (size, dark, touch) in [(DESKTOP, false, false), (DESKTOP, true, false), (PHONE, false, true)] {
+        let page = CityPage::open(&browser, PageOptions { size, dark, touch }, &url(&server))?;
+        page.page.evaluate(&format!("{axe}; 0"))?;
+        let found = page.page.evaluate(
+            "axe.run().then(({ violations }) => violations.filter(v => ['serious', 'critical'].includes(v.impact))
+                .map(v => `${v.id}: ${v.nodes.map(n => n.html).join(' ')}`))",
+        )?;
+        ensure!(found.as_array().is_some_and(Vec::is_empty), "dark {dark}, touch {touch}: {found}");
+    }
+    Ok(())
+}
+
+fn wait_for_status(page: &CityPage, condition: &str) -> Result<()> {
+    page.page
+        .wait_for(&format!("(status => {condition})({}.insulaSeen.status.detail)", CityPage::element(0)), REACTION * 2)
+}
+
+/// Shows a view that needs other tiles, which cannot be fetched.
+fn ensure_it_says_so(page: &CityPage, name: &str) -> Result<()> {
+    page.look(0, &near_camera()?)?;
+    wait_for_status(page, "status.kind === 'offline'")?;
+    ensure_city_is_visible(page)?;
+    keep(page, name)?;
+    // The message is text on the page, for eyes and for screen readers, in words of the page.
+    let shown = "(() => { const roots = [document, ...[...document.querySelectorAll('*')].map(e => e.shadowRoot).filter(Boolean)];
+        return roots.flatMap(root => [...root.querySelectorAll('[role=status], [role=alert], [aria-live]')])
+            .some(e => e.textContent.trim() !== '' && e.getClientRects().length > 0)
+            && document.querySelector('.notice.status').textContent.startsWith('Offline: the city is shown'); })()";
+    page.page.wait_for(shown, REACTION)
+}
+
+fn a_restarted_server_is_found_again() -> Result<()> {
+    let server = serve()?;
+    let (address, page) = (server.address.to_string(), open(&server)?);
+    drop(server);
+    ensure_it_says_so(&page, "server-away")?;
+    page.moves_by("dragging", 0, |page| page.drag(Button::Left, FREE, [FREE[0] + 20.0, FREE[1] + 10.0]))?;
+    let _server = ServerProcess::serve(&fixtures::baked_chiba()?, &address)?;
+    wait_for_status(&page, "status.kind === null")?;
+    page.wait_until_final(0)?;
+    // As without the fault.
+    let fresh = open_url(&format!("http://{address}/cities/chiba#camera={}", page.camera(0)?))?;
+    ensure_same_view(&fresh.picture(0, PICTURE)?, &page.picture(0, PICTURE)?)
+}
+
+fn an_offline_page_keeps_its_picture() -> Result<()> {
+    let server = serve()?;
+    let page = open(&server)?;
+    page.page.set_offline(true)?;
+    ensure_it_says_so(&page, "offline")?;
+    page.page.set_offline(false)?;
+    wait_for_status(&page, "status.kind === null")?;
+    page.wait_until_final(0)?;
+    let statuses = page.statuses(0)?;
+    ensure!(statuses.iter().all(|status| status["kind"] != "error"), "{statuses:?}");
+    ensure_city_is_visible(&page)
 }

@@ -1,9 +1,8 @@
 //! Keys, the mouse and the saved state of a window.
 
-use super::LISTEN;
 use super::client::{Client, Display, Settled};
-use super::pictures::{colours, difference, is_same_view, lowest};
 use super::steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_the_server};
+use super::{LISTEN, colours, difference, is_same_view, lowest};
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use image::RgbImage;

@@ -5,14 +5,16 @@
 
 mod client;
 mod controls;
-mod pictures;
 mod screen;
 mod session;
 mod steps;
 
 use client::Display;
+use image::imageops::crop_imm;
+use image::{Rgb, RgbImage};
 use insula_tests::programs::find_installed;
 use insula_tests::trials::{Test, Trials, Turn};
+use std::collections::HashSet;
 
 /// Largest share of differing pixels of two pictures of a view: edges, where other tiles were resident.
 const SAME_VIEW: f64 = 0.03;
@@ -49,4 +51,35 @@ pub(crate) fn add(trials: &mut Trials) {
 /// Ends the screen, if a test has started it.
 pub(crate) fn close() {
     screen::close();
+}
+
+/// Share of pixels that differ visibly.
+fn difference(a: &RgbImage, b: &RgbImage) -> f64 {
+    if a.dimensions() != b.dimensions() {
+        return 1.0;
+    }
+    let differs = |(a, b): (&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 12);
+    a.pixels().zip(b.pixels()).filter(|pair| differs(*pair)).count() as f64 / f64::from(a.width() * a.height())
+}
+
+/// The part of a view that no overlay covers: messages appear above, the compass and the status on the left.
+fn scene(view: &RgbImage) -> RgbImage {
+    let (left, top) = (view.width() * 6 / 10, view.height() / 2);
+    crop_imm(view, left, top, view.width() - left, view.height() - top).to_image()
+}
+
+/// The lower half of the scene, which neither the map nor the counters reach.
+fn lowest(view: &RgbImage) -> RgbImage {
+    let view = scene(view);
+    crop_imm(&view, 0, view.height() / 2, view.width(), view.height() / 2).to_image()
+}
+
+/// Whether two pictures show the same view.
+fn is_same_view(a: &RgbImage, b: &RgbImage) -> bool {
+    difference(&scene(a), &scene(b)) < SAME_VIEW
+}
+
+/// Number of colours in steps of 16; an empty window has one.
+fn colours(screenshot: &RgbImage) -> usize {
+    screenshot.pixels().map(|p| p.0.map(|c| c / 16)).collect::<HashSet<_>>().len()
 }

@@ -1,9 +1,8 @@
 //! A whole session with a server of two cities.
 
-use super::LISTEN;
 use super::client::{Client, Display};
-use super::pictures::{colours, difference};
 use super::steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture};
+use super::{LISTEN, colours, difference};
 use anyhow::{Result, ensure};
 use insula_bake::BakeOptions;
 use insula_client::ui::settings::UserSettings;

@@ -1,7 +1,7 @@
 //! Steps that several tests of the window take.
 
 use super::client::{Client, Settled};
-use super::pictures::colours;
+use super::colours;
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use insula_client::ui::view_link::ViewLink;

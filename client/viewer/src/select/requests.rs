@@ -1,11 +1,10 @@
 //! Third step of a selection: the requests for missing tiles, and their order.
 
 use super::context::SelectionContext;
-use super::meshes;
 use super::priority::{self, PriorityGroup, RequestReason, TileRequest};
 use super::screen_error::MIN_DISTANCE_M;
-use super::selection::Selection;
 use super::visited::{Cover, SelectionScratch, Visit};
+use super::{Selection, meshes};
 use crate::scene::TileKey;
 use glam::DVec3;
 use insula_protocol::blockmap::voxel_error_m;

@@ -5,10 +5,9 @@
 //! also in view are drawn as finely as the view asks for; the shadow casters fill in the rest, more coarsely.
 
 use super::context::has_known_children;
-use super::cull;
 use super::priority::{self, PriorityGroup, RequestReason, TileRequest};
 use super::screen_error::ErrorMetric;
-use super::selection::Selection;
+use super::{Selection, cull};
 use crate::camera::{FrustumPlane, View};
 use crate::scene::{NodeIndex, SceneTree, TileKey, TreeNode};
 use glam::DVec3;

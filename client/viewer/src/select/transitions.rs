@@ -7,8 +7,8 @@
 //! Each ray sees either the old or the new source (`insula_shaders::grid`), so a node in transition has two sources and the
 //! number of rays that see the old one. The time is passed in.
 
+use super::Selection;
 use super::screen_error::ErrorMetric;
-use super::selection::Selection;
 use crate::camera::View;
 use crate::scene::{NodeIndex, SceneTree};
 use insula_shaders::layout::FADE_RAYS;

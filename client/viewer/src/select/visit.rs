@@ -47,11 +47,10 @@
 //! skipped, or its error is at most two tau and it was requested as visible.
 
 use super::context::{SelectionContext, has_known_children, has_resident_tile};
-use super::meshes;
 use super::occlusion_feedback::Visibility;
 use super::priority::{self, RequestReason, TileRequest};
-use super::selection::Selection;
 use super::visited::{SelectionScratch, Visit, VisitCandidate};
+use super::{Selection, meshes};
 use crate::scene::{NodeIndex, TileKey, TreeNode};
 use glam::DVec3;
 use insula_protocol::{Subtree, TileId};

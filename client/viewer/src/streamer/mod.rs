@@ -13,7 +13,6 @@ mod error;
 mod frame_request;
 mod idle_prefetch;
 mod occlusion_gate;
-mod pending_subtrees;
 mod request_grouping;
 mod request_policy;
 mod request_queue;

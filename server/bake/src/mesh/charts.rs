@@ -3,7 +3,7 @@
 //! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in
 //! the source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
 
-use super::materials::{has_pattern, texture_of};
+use super::{has_pattern, texture_of};
 use crate::scene::Scene;
 use glam::{DVec3, Vec2};
 use insula_simplify::disjoint_sets::DisjointSets;

@@ -7,8 +7,8 @@
 //! The triangles of landmarks are small, so leaves with one get a step of 1/32768. On borders that no landmark crosses their
 //! points are those of the coarser grid, which the neighbours have.
 
-use super::materials::{base_colour, texture_of};
 use super::square_clip::{PolygonVertex, clip_to_square};
+use super::{base_colour, texture_of};
 use crate::scene::grid::CityGrid;
 use crate::scene::{Landmark, Scene};
 use insula_protocol::TileId;

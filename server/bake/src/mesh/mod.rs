@@ -23,7 +23,6 @@ mod leaf_occlusion;
 mod leaf_surface;
 mod lod_chain;
 mod lod_encoder;
-mod materials;
 mod square_clip;
 mod texture_bake;
 mod texture_canvas;
@@ -31,8 +30,8 @@ mod texture_encode;
 mod texture_fill;
 
 use crate::error::BakeError;
-use crate::scene::Scene;
 use crate::scene::grid::CityGrid;
+use crate::scene::{Scene, SceneTexture};
 use insula_protocol::TileId;
 use insula_protocol::blockmap::Quality;
 pub(crate) use lod_encoder::EncodedLod;
@@ -57,3 +56,16 @@ pub(crate) fn leaf_lods(
 
 #[cfg(test)]
 mod tests;
+
+fn texture_of(scene: &Scene, material: u32) -> Option<&SceneTexture> {
+    scene.materials.get(material as usize)?.texture.as_deref()
+}
+
+fn has_pattern(scene: &Scene, material: u32) -> bool {
+    texture_of(scene, material).is_some_and(|texture| texture.is_pattern)
+}
+
+/// The 8-bit sRGB colour of a material; grey if the scene has no such material.
+fn base_colour(scene: &Scene, material: u32) -> [u8; 3] {
+    scene.materials.get(material as usize).map_or([128; 3], |material| material.rgb)
+}

@@ -7,10 +7,9 @@
 //! Generated patterns are copied by their own texels, or by means of 2 x 2, 4 x 4 and so on. Equal windows then have equal
 //! texels, of which lossless compression stores one.
 
-use super::atlas;
 use super::charts::{TextureChart, find_charts, fold_patterns, triangle_uv};
-use super::materials::{base_colour, has_pattern, texture_of};
 use super::texture_canvas::TextureCanvas;
+use super::{atlas, base_colour, has_pattern, texture_of};
 use crate::columns::srgb::linear_from_srgb;
 use crate::sample::texture::read_bilinear;
 use crate::scene::{Scene, SceneTexture};

@@ -1,7 +1,7 @@
 //! Cuts faces at the borders of zones.
 
+use super::FacadeZone;
 use super::walls::Wall;
-use super::zone::FacadeZone;
 use crate::world_triangle::WorldTriangle;
 use glam::DVec3;
 

@@ -4,22 +4,20 @@
 //! into a small generated texture that repeats once per four bays and storeys. To everything after reading it is a
 //! texture like any other, so it is filtered by area in columns, parents and meshes.
 
-mod building_use;
 mod cut;
 mod parts;
 mod pattern;
 mod walls;
-mod zone;
 
 use crate::world_triangle::WorldTriangle;
-pub use building_use::FacadeUse;
 use cut::cut_face;
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use insula_source::report::FacadeReport;
+use insula_source::text::split_words;
 use parts::{Storeys, WallPart, above_ground, find_parts};
+use pattern::CELLS;
 pub use pattern::SIDE_TEXELS;
 use walls::{Wall, find_walls};
-use zone::FacadeZone;
 
 /// Increased whenever the same input would get other facades than before.
 pub const ALGORITHM: u32 = 2;
@@ -194,3 +192,88 @@ fn base_of_large_object(faces: &[[DVec3; 3]]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests;
+
+/// Kind of facade.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum FacadeUse {
+    /// Dwellings, and everything whose use is not known.
+    #[default]
+    Home,
+    /// Offices, shops, schools and public buildings: higher storeys and wider windows.
+    Office,
+    /// Halls, garages and churches: storeys and bays of dwellings would be wrong.
+    Windowless,
+}
+
+/// Words in the names of uses, in the languages of the sources that are common. The first row that has one decides.
+const USES: &[(FacadeUse, &[&str])] = &[
+    (
+        FacadeUse::Windowless,
+        &split_words::<25>(
+            "industr factory storage warehouse depot hangar parking garage carport shed roof barn stable farm_aux \
+            greenhouse church chapel cathedral mosque temple religious kirche kerk 工場 倉庫",
+        ),
+    ),
+    (
+        FacadeUse::Office,
+        &split_words::<20>(
+            "office commerc retail business hotel hospital public civic school university transport kantoor winkel \
+            büro gewerbe 業務 商業 宿泊 31001_2 31001_3",
+        ),
+    ),
+];
+
+impl FacadeUse {
+    /// By the use of the building, such as `apartments` in OpenStreetMap or 411 in PLATEAU; `None` if it is not known.
+    pub fn of_use(name: &str) -> Option<Self> {
+        let name = name.trim().to_lowercase();
+        // PLATEAU's codes: 43x are transport and storage, 44x factories, 45x farms and supply.
+        if let (3, Ok(code)) = (name.len(), name.parse::<u32>()) {
+            return match code {
+                410..=419 => Some(Self::Home),
+                400..=429 => Some(Self::Office),
+                430..=459 => Some(Self::Windowless),
+                _ => None,
+            };
+        }
+        USES.iter().find(|(_, words)| words.iter().any(|word| name.contains(word))).map(|(kind, _)| *kind)
+    }
+
+    /// Usual height of a storey.
+    fn storey_m(self) -> f64 {
+        if self == Self::Office { 3.6 } else { 2.9 }
+    }
+
+    /// Usual width of a bay.
+    fn bay_m(self) -> f64 {
+        if self == Self::Office { 3.6 } else { 3.0 }
+    }
+}
+
+/// A rectangle of a wall with whole bays and storeys. Lengths are along the wall and upwards, in metres.
+#[derive(Debug, Clone, PartialEq)]
+struct FacadeZone {
+    /// Ends along the wall, at which bays begin and end.
+    along_m: [f64; 2],
+    /// Where faces are cut: a little beyond the storeys if the wall has nothing else there.
+    z_m: [f64; 2],
+    bays: u32,
+    /// The first storey with windows, and the one after the last.
+    storeys: [u32; 2],
+    /// Height of the floor of storey 0.
+    base_m: f64,
+    storey_m: f64,
+}
+
+impl FacadeZone {
+    /// Bays from the zone's start and storeys from the floor of the first; the plinth below it is negative.
+    fn uv(&self, along_m: f64, z_m: f64) -> [f32; 2] {
+        let share = (along_m - self.along_m[0]) / (self.along_m[1] - self.along_m[0]);
+        let cells = [share * f64::from(self.bays), (z_m - self.base_m) / self.storey_m];
+        cells.map(|cells| (cells / f64::from(CELLS)) as f32)
+    }
+
+    fn windows(&self) -> u64 {
+        u64::from(self.bays).saturating_mul(u64::from(self.storeys[1] - self.storeys[0]))
+    }
+}

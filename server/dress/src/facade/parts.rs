@@ -1,6 +1,6 @@
 //! The rectangles of a wall that are whole, and their storeys and bays.
 
-use super::zone::FacadeZone;
+use super::FacadeZone;
 use glam::DVec2;
 
 /// Corners nearer along the wall count as one.

@@ -1,6 +1,6 @@
 //! The texture of a facade: four by four cells of one bay and one storey each, which differ in their panes.
 
-use super::building_use::FacadeUse;
+use super::FacadeUse;
 
 /// Cells along a texture's side.
 pub(super) const CELLS: u32 = 4;

@@ -17,7 +17,6 @@ mod material;
 mod noise;
 mod painter;
 mod palette;
-mod passes;
 mod pattern;
 mod prepare;
 mod reach;

@@ -4,12 +4,11 @@
 //! As in `table::gather`, a family is open from the first leaf that shows it until the last one that the bounds of its members touch.
 
 use super::surfaces::Point;
-use crate::table::ExportError;
 use crate::table::city::{City, Plan};
 use crate::table::columns::{ColumnView, Top};
 use crate::table::gather::LeafPositions;
-use crate::table::open_objects::OpenObjects;
 use crate::table::walk::{EndNode, visit_end_nodes};
+use crate::table::{ExportError, OpenObjects};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap};
 

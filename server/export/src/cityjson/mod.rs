@@ -11,8 +11,7 @@ mod surfaces;
 mod tests;
 
 use crate::table::city::{City, Plan};
-use crate::table::output::OutputFile;
-use crate::table::{ExportError, ExportReport};
+use crate::table::{ExportError, ExportReport, OutputFile};
 use family::{Family, Member, visit_families};
 use insula_objects::{FeatureKind, ObjectRecord};
 use roaring::RoaringBitmap;

@@ -3,9 +3,8 @@
 //! Attribution is in a text file beside it, because a comment line breaks readers. Spreadsheets run cells that begin with `=`, `+`, `-` or
 //! `@` as formulas, so such a text gets an apostrophe before it unless formulas are kept.
 
-use super::output::{OutputFile, with_suffix};
 use super::record::{Field, Record};
-use super::{ExportError, ExportReport, RecordWriter, TableSetup, wkb};
+use super::{ExportError, ExportReport, OutputFile, RecordWriter, TableSetup, with_suffix, wkb};
 use insula_objects::Value;
 use std::borrow::Cow;
 use std::fs::File;

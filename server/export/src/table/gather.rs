@@ -3,12 +3,11 @@
 //! Leaves are visited along a Hilbert curve. An object is open from the first leaf that shows it until the last one that its bounds
 //! touch, so memory holds the objects around one place of the curve. The outline of an object has that of its parts.
 
-use super::ExportError;
 use super::city::{City, Plan};
 use super::columns::ColumnView;
-use super::open_objects::OpenObjects;
 use super::outline::{Outline, area_m2};
 use super::walk::{EndNode, visit_end_nodes};
+use super::{ExportError, OpenObjects};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_protocol::{MeshTile, TileId};
 use std::collections::HashMap;

@@ -2,10 +2,9 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `report`, `output` | what was done and why it failed; files that appear whole or not at all |
+//! | `report` | what was done and why it failed |
 //! | `city` | blocks of objects through a cache; what is selected |
 //! | `grid`, `walk` | whole coordinates on the map; end nodes along a Hilbert curve |
-//! | `open_objects` | the objects around one place of that curve |
 //! | `gather`, `columns` | the footprint of each object from meshes, or from columns where there are none |
 //! | `outline` | union of triangles, without slivers |
 //! | `record` | the columns of the tables |
@@ -19,9 +18,7 @@ pub(crate) mod gather;
 pub(crate) mod geojson;
 mod geoparquet;
 pub(crate) mod grid;
-pub(crate) mod open_objects;
 mod outline;
-pub(crate) mod output;
 mod projjson;
 pub(crate) mod record;
 mod report;
@@ -36,14 +33,14 @@ use crate::format::{Format, Projections};
 use city::{City, Plan};
 pub use csv::cell as csv_cell;
 use gather::{Footprint, visit_footprints};
+use insula_archive::new_file::NewFile;
 use insula_objects::Value;
 use insula_objects::family::{PartValues, inherit};
 use insula_protocol::Manifest;
-use output::OutputFile;
 use record::{Field, Record};
 pub use report::{ExportError, ExportReport, attribution};
 use roaring::RoaringBitmap;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -189,4 +186,73 @@ fn write_records(
         write(object, None)?;
     }
     Ok(())
+}
+
+/// What is known of the objects of which leaves are still to come.
+pub(crate) struct OpenObjects<T> {
+    open: HashMap<u32, T>,
+    /// Position of the last leaf of each open object, and the object.
+    closing: BTreeSet<(u64, u32)>,
+}
+
+impl<T> Default for OpenObjects<T> {
+    fn default() -> Self {
+        Self { open: HashMap::new(), closing: BTreeSet::new() }
+    }
+}
+
+impl<T> OpenObjects<T> {
+    /// What is known of an object, `new` if nothing is. Fails if its bounds cannot be read.
+    pub(crate) fn get(
+        &mut self,
+        city: &City<'_>,
+        plan: &Plan,
+        object: u32,
+        new: impl FnOnce() -> T,
+    ) -> Result<&mut T, ExportError> {
+        if !self.open.contains_key(&object) {
+            self.closing.insert((plan.last_leaf(city, object)?, object));
+        }
+        Ok(self.open.entry(object).or_insert_with(new))
+    }
+
+    /// Removes an object whose last leaf is at `position` or before it.
+    pub(crate) fn pop(&mut self, position: u64) -> Option<(u32, T)> {
+        let (_, object) = self.closing.first().copied().filter(|(last, _)| *last <= position)?;
+        self.closing.pop_first();
+        self.open.remove_entry(&object)
+    }
+}
+
+/// A file under a temporary name beside its final one. It is removed unless it is committed.
+#[derive(Debug)]
+pub(crate) struct OutputFile {
+    path: PathBuf,
+    new: NewFile,
+}
+
+impl OutputFile {
+    /// Creates the file and returns it for writing. Fails if it cannot be created.
+    pub(crate) fn create(path: &Path) -> Result<(Self, File), ExportError> {
+        let new = NewFile::create(path).map_err(ExportError::write(path))?;
+        let file = new.file().map_err(ExportError::write(path))?;
+        Ok((Self { path: path.to_owned(), new }, file))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives the file its name, in place of an older one. Returns its size in bytes. Fails if it cannot be written.
+    pub(crate) fn commit(self, file: File) -> Result<u64, ExportError> {
+        drop(file);
+        self.new.commit().map_err(ExportError::write(&self.path))
+    }
+}
+
+/// The path with `suffix` after its whole name.
+pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
 }

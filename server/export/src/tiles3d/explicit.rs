@@ -2,8 +2,7 @@
 //! these in a file of its own (3D Tiles 1.1, "External tilesets"), so that a file has at most 1,365 tiles.
 
 use super::subtree::Tile;
-use super::tileset_file::TilesetFile;
-use super::{Tileset, TilesetDocument};
+use super::{Tileset, TilesetDocument, TilesetFile};
 use crate::glb::ExportError;
 use crate::matrix::numbers_of;
 use insula_protocol::subtree::NodeInfo;

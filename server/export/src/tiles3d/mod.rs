@@ -21,7 +21,6 @@ mod pmtiles;
 mod subtree;
 #[cfg(test)]
 mod tests;
-mod tileset_file;
 mod write;
 
 use crate::boxes;
@@ -40,8 +39,8 @@ use insula_protocol::subtree::NodeInfo;
 use insula_protocol::{Subtree, TileId};
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::fmt;
 use subtree::Tile;
-use tileset_file::TilesetFile;
 pub use write::{Destination, each_file, write_tileset};
 
 /// Largest property table of a tile that is no leaf, in bytes: about as much as its surfaces take.
@@ -257,4 +256,25 @@ impl<'a> Tileset<'a> {
 /// Whether a node shows anything.
 fn has_content(subtree: &Subtree, node: &NodeInfo) -> bool {
     node.blockmap_bytes > 0 || mesh_of(subtree, node).is_some()
+}
+
+/// A file of a tileset. Displayed as its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TilesetFile {
+    Tileset,
+    Subtree(TileId),
+    /// The tiles from a node on, in the plain form.
+    Tiles(TileId),
+    Content(TileId),
+}
+
+impl fmt::Display for TilesetFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tileset => f.write_str(TILESET_JSON),
+            Self::Subtree(root) => write!(f, "subtrees/{root}.subtree"),
+            Self::Tiles(root) => write!(f, "tiles/{root}.json"),
+            Self::Content(node) => write!(f, "content/{node}.glb"),
+        }
+    }
 }

@@ -3,7 +3,7 @@
 //! Tile `z/x/y` is `content/z/x/y.glb`, not compressed further. The metadata is a JSON object with `tileset`, the tileset's JSON, and
 //! `subtrees`, the subtree files in Base64 by `level/x/y`. PMTiles has no type for such tiles: the header says "unknown".
 
-use super::tileset_file::TilesetFile;
+use super::TilesetFile;
 use crate::glb::ExportError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

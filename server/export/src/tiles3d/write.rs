@@ -2,8 +2,7 @@
 
 use super::archive::ArchiveWriter;
 use super::pmtiles::TileArchive;
-use super::tileset_file::TilesetFile;
-use super::{TILESET_JSON, Tileset};
+use super::{TILESET_JSON, Tileset, TilesetFile};
 use crate::glb::{ExportError, ExportReport};
 use insula_archive::file::open_regular;
 use insula_archive::new_file::{NewFile, replace};

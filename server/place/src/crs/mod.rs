@@ -4,7 +4,6 @@
 //! lines of Arc/Info, the names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
 mod arc_info;
-mod area;
 mod axes;
 mod definition;
 mod describe;
@@ -19,7 +18,6 @@ mod tests;
 mod wkt;
 mod wkt_crs;
 
-pub use area::Area;
 pub use axes::Axes;
 pub use definition::Definition;
 use definition::parse_shift;
@@ -300,4 +298,33 @@ fn horizontal_from_code(code: u32) -> Result<Horizontal, CrsError> {
     let axes = entry.map_or(Axes::EAST_NORTH, |entry| entry.axes);
     let datum = geographic.and_then(registry::datum_name).unwrap_or("its datum").to_owned();
     Ok(Horizontal { code: Some(code), system, axes, datum, shift_error_m })
+}
+
+/// An area between two meridians and two parallels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Area {
+    /// West, south, east and north in degrees; east is more than 180 if the area crosses the antimeridian.
+    degrees: [f64; 4],
+}
+
+impl Area {
+    /// The area of west, south, east and north in degrees.
+    pub fn new(degrees: [f64; 4]) -> Self {
+        Self { degrees }
+    }
+
+    /// Whether it is that of a continent, with seas.
+    pub fn is_wide(self) -> bool {
+        const WIDE_DEG: f64 = 20.0;
+        let [west, south, east, north] = self.degrees;
+        east - west > WIDE_DEG && north - south > WIDE_DEG
+    }
+
+    /// Whether a longitude and latitude is in it, or at most `reach_deg` outside of it.
+    pub fn contains(self, [lon, lat]: [f64; 2], reach_deg: f64) -> bool {
+        let [west, south, east, north] = self.degrees;
+        let is_between = |lon: f64| (west - reach_deg..=east + reach_deg).contains(&lon);
+        let is_in_turn = [lon - 360.0, lon, lon + 360.0].into_iter().any(is_between);
+        is_in_turn && (south - reach_deg..=north + reach_deg).contains(&lat)
+    }
 }

@@ -1,7 +1,7 @@
 //! Tables of the EPSG registry: axis order, areas of use, compound and vertical systems, names of datums. Definitions of horizontal
 //! systems are in the crate `crs-definitions`. Besides, where there is land.
 
-use super::area::Area;
+use super::Area;
 use super::axes::Axes;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -376,3 +376,11 @@ fn names_of_esri_are_understood() {
     let definition = malaysia.horizontal.definition().unwrap().text();
     assert!(malaysia.horizontal.code == Some(3375) || definition.contains("+gamma=-36.869"), "{definition}");
 }
+
+#[test]
+fn areas_may_cross_the_antimeridian() {
+    let fiji = Area::new([176.0, -21.0, 182.0, -12.0]);
+    assert!(fiji.contains([179.0, -18.0], 0.0) && fiji.contains([-179.0, -18.0], 0.0));
+    assert!(!fiji.contains([-177.0, -18.0], 0.5) && fiji.contains([-177.0, -18.0], 1.5));
+    assert!(!fiji.contains([179.0, 18.0], 1.0));
+}

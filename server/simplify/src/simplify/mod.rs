@@ -10,7 +10,6 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `order` | triangles sorted along a space-filling curve, so that memory accesses are local |
 //! | `quadric` | sums of squared distances to planes |
 //! | `collapsible_mesh`, `collapse` | the half-edge mesh, and collapsing one of its edges |
 //! | `edge_queue` | the cheapest edges of a round |
@@ -19,27 +18,24 @@
 //! | `texture_quadric` | sums of squared differences of texture coordinates |
 //! | `simplifier` | the rounds of collapses |
 //! | `output` | the result as a model |
-//! | `within` | simplification within a measured distance |
 
 mod collapse;
 mod collapsible_mesh;
 mod edge_queue;
-mod order;
 mod output;
 mod parts;
 mod quadric;
 mod simplifier;
 mod texture_quadric;
 mod wedges;
-mod within;
 
 use crate::model::TriangleModel;
+use crate::surface::Surface;
 use collapsible_mesh::VertexConstraint;
 use glam::DVec3;
 use insula_protocol::mesh::half_edge::{HalfEdgeMesh, RepairReport};
 pub use simplifier::Goal;
 use simplifier::Simplifier;
-pub use within::{largest_distance, simplify_within};
 
 /// The result of a simplification.
 #[derive(Debug, Clone)]
@@ -58,7 +54,7 @@ pub struct Simplified {
 
 /// Simplifies `model` towards `goal`. Vertices that `is_locked` keep their places.
 pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
-    let order = order::space_filling_order(model);
+    let order = space_filling_order(model);
     let sorted: Vec<[u32; 3]> = order.iter().map(|t| model.triangles[*t as usize]).collect();
     let mut pieces = HalfEdgeMesh::new(&sorted, model.positions.len() as u32);
     pieces.corner.iter_mut().for_each(|corner| *corner = 3 * order[*corner as usize / 3] + *corner % 3);
@@ -90,3 +86,77 @@ fn centre(model: &TriangleModel) -> DVec3 {
 
 #[cfg(test)]
 mod tests;
+
+/// Greatest number of an axis in a Morton key, which has ten bits of each.
+const MOST: f64 = 1023.0;
+
+/// The numbers of the triangles, sorted by the Morton key of their first corner.
+fn space_filling_order(model: &TriangleModel) -> Vec<u32> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for position in &model.positions {
+        (min, max) = (min.min(DVec3::from(*position)), max.max(DVec3::from(*position)));
+    }
+    let scale = MOST / (max - min).max_element().max(f64::MIN_POSITIVE);
+    let key = |triangle: &[u32; 3]| {
+        let position = model.positions.get(triangle[0] as usize).copied().unwrap_or_default();
+        let at = (DVec3::from(position) - min) * scale;
+        spread_bits(at.x as u32) | spread_bits(at.y as u32) << 1 | spread_bits(at.z as u32) << 2
+    };
+    let mut keys: Vec<(u32, u32)> = model.triangles.iter().map(key).zip(0..).collect();
+    keys.sort_unstable();
+    keys.into_iter().map(|(_, triangle)| triangle).collect()
+}
+
+/// Ten bits with two zeros before each.
+fn spread_bits(mut v: u32) -> u32 {
+    for (shift, mask) in [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)] {
+        v = (v | v << shift) & mask;
+    }
+    v
+}
+
+/// Points on a surface that tell its distance from another one, besides the vertices.
+const SAMPLES: usize = 200_000;
+/// A measured distance fits if it is at most this part of the limit: points between the samples may lie further away.
+const FITS: f64 = 0.95;
+/// Simplifications of [`simplify_within`] until the best one is taken.
+const MAX_ATTEMPTS: usize = 8;
+/// The search ends once the limits that fit and that do not are this close.
+const CLOSE: f64 = 1.15;
+
+/// Simplifies `model` as far as no point of either surface lies further than `limit` from the other one: measured at 200,000
+/// points of each and all vertices. The error of the result is the measured distance.
+///
+/// The errors of collapses are root mean squares, which a single vertex may exceed several times. So the model is simplified with
+/// smaller limits until the measured distance fits. If none does, only the repairs are made. `source` is the model's surface.
+pub fn simplify_within(model: &TriangleModel, source: &Surface, limit: f64) -> Simplified {
+    let (mut best, mut low, mut high): (Option<Simplified>, f64, f64) = (None, 0.0, f64::INFINITY);
+    let mut goal = limit;
+    for _ in 0..MAX_ATTEMPTS {
+        let mut out = simplify(model, Goal { triangles: 0, error: goal }, |_| false);
+        out.error = largest_distance(source, &out.model);
+        let ratio = out.error / limit;
+        if out.error <= limit * FITS {
+            low = goal;
+            if best.as_ref().is_none_or(|best| out.model.triangles.len() < best.model.triangles.len()) {
+                best = Some(out);
+            }
+        } else {
+            high = goal;
+        }
+        if low >= limit || high <= low * CLOSE || high == 0.0 {
+            break;
+        }
+        goal = if low == 0.0 { goal * (0.9 / ratio).min(0.7) } else { (low * high).sqrt() };
+    }
+    best.unwrap_or_else(|| Simplified {
+        error: 0.0,
+        ..simplify(model, Goal { triangles: usize::MAX, error: 0.0 }, |_| false)
+    })
+}
+
+/// The larger one of the largest distances of both surfaces from each other: the Hausdorff distance. Infinite if nothing is left.
+pub fn largest_distance(source: &Surface, model: &TriangleModel) -> f64 {
+    let Some(result) = Surface::of_model(model) else { return f64::INFINITY };
+    source.largest_distance(&result, SAMPLES).max(result.largest_distance(source, SAMPLES))
+}
