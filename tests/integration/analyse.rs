@@ -18,6 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
         vistas_say_which_buildings_break_into_them,
         points_have_pictures_as_evidence,
         proposals_say_what_they_change,
+        large_areas_are_computed_in_tiles,
         options_that_do_not_fit_are_refused
     ]);
 }
@@ -285,6 +286,51 @@ fn points_have_pictures_as_evidence() {
     fs::write(folder.join("pictures/mine.txt"), "dear").unwrap();
     let (code, error) = analyse(folder, run);
     assert!(matches!(code, Some(1 | 2)) && error.contains("did not write"), "{error}");
+}
+
+/// The city has more than 20,000 cells, so that it takes several tiles. Shares of them and a run that was ended are gone on with.
+fn large_areas_are_computed_in_tiles() {
+    let folder = baked_city();
+    let folder = folder.path();
+    let sky = "sky --reach 40";
+    assert_eq!(analyse(folder, &format!("{sky} --out whole.tif --buildings whole.csv")), ok());
+    let tiled = format!("{sky} --cells-at-once 20000");
+    assert_eq!(analyse(folder, &format!("{tiled} --out tiled.tif --buildings tiled.csv")), ok());
+    assert!(!folder.join("tiled.tif.tiles").exists());
+    let [whole, parts] = ["whole.csv", "tiled.csv"].map(|name| rows(&folder.join(name)));
+    assert_eq!((whole.len(), parts.len()), (3, 3));
+    for (whole, part) in whole.iter().zip(&parts) {
+        // Number, identifier, cells of the roof and points on walls are the same; values are but for what stands further away.
+        assert_eq!([0, 1, 2, 6].map(|column| &whole[column]), [0, 1, 2, 6].map(|column| &part[column]));
+        let mean = |row: &[String], column: usize| row[column].parse::<f64>().unwrap();
+        assert!((mean(whole, 4) - mean(part, 4)).abs() < 0.01, "{whole:?} {part:?}");
+        assert!((mean(whole, 8) - mean(part, 8)).abs() < 0.5, "{whole:?} {part:?}");
+    }
+    assert_eq!(analyse(folder, &format!("{tiled} --tiles 1/2 --out shared.tif")), ok());
+    assert!(!folder.join("shared.tif").exists());
+    let kept: Vec<_> =
+        fs::read_dir(folder.join("shared.tif.tiles")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert!(kept.len() >= 2, "{kept:?}");
+    fs::write(&kept[0], &fs::read(&kept[0]).unwrap()[..99]).unwrap();
+    let (code, text) = analyse(folder, &format!("{tiled} --out shared.tif"));
+    let expected = format!("note: {} of ", kept.len() - 1);
+    assert!(code == Some(0) && text.starts_with(&expected) && text.contains("of an earlier run"), "{code:?} {text}");
+    let [tiled_bytes, shared] = ["tiled.tif", "shared.tif"].map(|name| fs::read(folder.join(name)).unwrap());
+    assert!(tiled_bytes == shared && !folder.join("shared.tif.tiles").exists());
+    // Files of others stay, and so do their folders.
+    fs::create_dir(folder.join("mine.tif.tiles")).unwrap();
+    fs::write(folder.join("mine.tif.tiles/letter.txt"), "dear").unwrap();
+    for (arguments, words) in [
+        (format!("{tiled} --out mine.tif"), "did not write"),
+        (format!("{tiled} --out b.tif --pdf b.pdf"), "all cells in memory"),
+        (format!("{sky} --tiles 1/2 --out b.tif"), "--tiles has no use"),
+        (format!("{tiled} --tiles 3/2 --out b.tif"), "as in 2/8"),
+        ("sky --cells-at-once 20000 --out b.tif".to_owned(), "a smaller --reach"),
+    ] {
+        let (code, text) = analyse(folder, &arguments);
+        assert!(matches!(code, Some(1 | 2)) && text.contains(words), "{arguments}: {code:?} {text}");
+    }
+    assert!(folder.join("mine.tif.tiles/letter.txt").exists() && !folder.join("b.tif").exists());
 }
 
 fn options_that_do_not_fit_are_refused() {

@@ -1,8 +1,9 @@
 //! Files that get their names when they are complete, so that a full disk or a killed program leaves the old ones.
 
+use crate::file::open_regular;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -94,6 +95,19 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     new.commit().map(drop)
 }
 
+/// Removes a file that begins with a mark, by which its program knows what it wrote; others stay. Returns whether it was removed. Fails if
+/// it cannot be read or removed.
+pub fn remove_marked(path: &Path, mark: &[u8]) -> io::Result<bool> {
+    let mut head = Vec::new();
+    open_regular(path)?.take(mark.len() as u64).read_to_end(&mut head)?;
+    if head == mark { fs::remove_file(path).map(|()| true) } else { Ok(false) }
+}
+
+/// Removes a folder if nothing is in it. Fails if something is.
+pub fn remove_empty_folder(path: &Path) -> io::Result<()> {
+    fs::remove_dir(path)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,5 +151,24 @@ mod tests {
         replace(&path, b"whole").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
         assert!((next..next + 100).all(|number| fs::read_to_string(left(number)).unwrap() == "left"));
+    }
+
+    #[test]
+    fn only_marked_files_and_empty_folders_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("inner");
+        fs::create_dir(&inner).unwrap();
+        let [own, other, short] = ["own", "other", "short"].map(|name| inner.join(name));
+        fs::write(&own, b"MARKED and more").unwrap();
+        fs::write(&other, b"letters").unwrap();
+        fs::write(&short, b"MAR").unwrap();
+        let removed = [&own, &other, &short].map(|path| remove_marked(path, b"MARKED").unwrap());
+        assert_eq!(removed, [true, false, false]);
+        assert!(!own.exists() && other.exists() && short.exists());
+        assert!(remove_marked(&own, b"MARKED").is_err() && remove_empty_folder(&inner).is_err());
+        fs::remove_file(&other).unwrap();
+        fs::remove_file(&short).unwrap();
+        remove_empty_folder(&inner).unwrap();
+        assert!(!inner.exists());
     }
 }

@@ -42,6 +42,31 @@ impl PlaceValues {
         (self.count > 0).then(|| self.sum / f64::from(self.count))
     }
 
+    /// Count, least, most, sum, and how many reach what is asked for; zeros without a value.
+    pub(crate) fn to_numbers(self) -> [f64; 5] {
+        if self.count == 0 {
+            return [0.0; 5];
+        }
+        [self.count.into(), self.least.into(), self.most.into(), self.sum, self.reaching.into()]
+    }
+
+    /// The values of such numbers.
+    pub(crate) fn of_numbers([count, least, most, sum, reaching]: [f64; 5]) -> Self {
+        if count < 1.0 {
+            return Self::default();
+        }
+        Self { count: count as u32, least: least as f32, most: most as f32, sum, reaching: reaching as u32 }
+    }
+
+    /// Adds those of other places.
+    pub(crate) fn join(&mut self, other: Self) {
+        self.count = self.count.saturating_add(other.count);
+        self.least = self.least.min(other.least);
+        self.most = self.most.max(other.most);
+        self.sum += other.sum;
+        self.reaching = self.reaching.saturating_add(other.reaching);
+    }
+
     /// The share that reaches what is asked for; `None` without a value.
     #[must_use]
     pub fn share(&self) -> Option<f64> {

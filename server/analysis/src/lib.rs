@@ -21,7 +21,7 @@
 //! | `sight`, `vista` | lines of sight between points; what breaks into protected vistas |
 //! | `proposal` | a surface with what is added and removed, and how far values change |
 //! | `outlines`, `footprint` | polygons of places; what a model covers on the map |
-//! | `buildings` | values of roofs and walls as a row for each building |
+//! | `buildings`, `gathered` | values of roofs and walls as a row for each building, also of a city that is computed part by part |
 
 pub mod buildings;
 mod canvas;
@@ -29,6 +29,7 @@ pub mod clock;
 pub mod evidence;
 pub mod eye;
 mod footprint;
+pub mod gathered;
 mod horizon;
 mod kinds;
 mod light;

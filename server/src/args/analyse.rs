@@ -2,7 +2,7 @@
 
 use super::JsonArgs;
 use super::parse::city_parser;
-use clap::ValueEnum;
+use clap::{ValueEnum, value_parser};
 use insula_command_line::area::AreaArgs;
 use insula_command_line::output::OverwriteArgs;
 use std::path::PathBuf;
@@ -104,6 +104,15 @@ pub struct AnalyseArgs {
     /// Distance around the area of --bbox or the points within which obstacles count, in metres
     #[arg(long, value_name = "M", default_value = "3000", value_parser = parse_reach, allow_hyphen_values = true)]
     pub reach: f64,
+    /// Most cells in memory at once, with about 25 bytes each. A larger area is computed in tiles with --reach around each. Finished tiles are
+    /// kept beside --out until it is written, so that a run that was ended goes on
+    #[arg(long, value_name = "N", default_value = "67108864", value_parser = value_parser!(u64).range(10_000..=67_108_864))]
+    pub cells_at_once: u64,
+    /// Share of the tiles of an area that does not fit into memory at once, as in 2/8, for several machines with one folder: they are kept
+    /// beside --out, and the same command without this option writes it
+    #[arg(long, value_name = "K/N", value_parser = parse_share)]
+    #[arg(conflicts_with_all = ["points", "between", "proposal", "vista", "from", "of"])]
+    pub tiles: Option<[u32; 2]>,
     #[command(flatten)]
     pub json: JsonArgs,
     #[command(flatten)]
@@ -130,4 +139,11 @@ fn parse_reach(text: &str) -> Result<f64, String> {
 fn parse_turbidity(text: &str) -> Result<f64, String> {
     let turbidity = text.trim().parse().ok().filter(|turbidity| (1.0..=20.0).contains(turbidity));
     turbidity.ok_or_else(|| "expected 1 to 20".to_owned())
+}
+
+fn parse_share(text: &str) -> Result<[u32; 2], String> {
+    let numbers = text.split_once('/').and_then(|(part, of)| Some([part.parse().ok()?, of.parse().ok()?]));
+    numbers
+        .filter(|[part, of]: &[u32; 2]| (1..=*of).contains(part))
+        .ok_or_else(|| "expected a number and of how many, as in 2/8".to_owned())
 }

@@ -182,12 +182,16 @@ impl StageState {
 
     /// The remaining time, for the end of a line; empty if it is unknown.
     fn left(&self, now: Instant) -> String {
-        let Some(seconds) = self.remaining(now).map(|left| left.as_secs()) else { return String::new() };
-        match seconds {
-            0..100 => format!(", {seconds} s left"),
-            100..6000 => format!(", {} min left", seconds.div_ceil(60)),
-            _ => format!(", {:.1} h left", seconds as f64 / 3600.0),
-        }
+        self.remaining(now).map(left_text).unwrap_or_default()
+    }
+}
+
+/// A remaining time, for the end of a line.
+pub(super) fn left_text(left: Duration) -> String {
+    match left.as_secs() {
+        seconds @ 0..100 => format!(", {seconds} s left"),
+        seconds @ 100..6000 => format!(", {} min left", seconds.div_ceil(60)),
+        seconds => format!(", {:.1} h left", seconds as f64 / 3600.0),
     }
 }
 

@@ -13,6 +13,7 @@ use insula_bake::read::EarthPlace;
 use insula_export::file::export_values;
 use insula_export::format::{Format, Projections};
 use insula_export::raster::{CellExtent, NODATA, write_raster};
+use insula_export::table::ExportError;
 use insula_protocol::text::{count, fixed, human_bytes, printable};
 use serde_json::json;
 use std::path::Path;
@@ -48,7 +49,13 @@ pub(super) fn write(
 }
 
 /// Says what was written and what it says: several times of shadow as a line of JSON each.
-fn report(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>, written: &Written, files: &Files) {
+pub(super) fn report(
+    question: &Question,
+    answer: &Answer,
+    values: Option<&CityValues<'_>>,
+    written: &Written,
+    files: &Files,
+) {
     let facts = json!({
         "out": files.out.display().to_string(),
         "bytes": written.bytes,
@@ -65,7 +72,7 @@ fn report(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>,
 }
 
 /// Writes a table of buildings, as FlatGeobuf with their footprints if its name says so. Fails if it cannot be written.
-fn write_buildings(
+pub(super) fn write_buildings(
     question: &Question,
     values: &CityValues<'_>,
     answer: &Answer,
@@ -91,9 +98,6 @@ fn write_cells(
     surface: &CitySurface,
     out: &Path,
 ) -> Result<Written, CommandError> {
-    let source = question.source;
-    let projections = Projections { epsg: question.place.and_then(EarthPlace::epsg), ..Projections::default() };
-    let title = format!("{}: {}", source.manifest().title, answer.title);
     let mut part = |part: CellExtent| {
         let cells = (0..part.len() as usize).map(|i| {
             let [x, y] = [i % part.size[0] as usize, i / part.size[0] as usize].map(|v| v as u32);
@@ -102,7 +106,21 @@ fn write_cells(
         });
         Ok(cells.collect())
     };
-    let report = write_raster(source, question.extent, &projections, None, &title, out, &mut part)
+    write_raster_of(question, &answer.title, out, &mut part)
+}
+
+/// Writes a raster of the result's cells. `part` gives the values of a part, row by row from the south. Fails with the error of `part`, and if
+/// the file cannot be written.
+pub(super) fn write_raster_of(
+    question: &Question,
+    title: &str,
+    out: &Path,
+    part: &mut dyn FnMut(CellExtent) -> Result<Vec<f32>, ExportError>,
+) -> Result<Written, CommandError> {
+    let source = question.source;
+    let projections = Projections { epsg: question.place.and_then(EarthPlace::epsg), ..Projections::default() };
+    let title = format!("{}: {title}", source.manifest().title);
+    let report = write_raster(source, question.extent, &projections, None, &title, out, part)
         .map_err(|error| CommandError::file(out, error))?;
     report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
     Ok(Written { bytes: report.bytes, attribution: report.attribution })
@@ -131,7 +149,8 @@ fn write_polygons(
     Ok(Written { bytes: bytes.len() as u64, attribution })
 }
 
-struct Written {
+/// A file that was written.
+pub(super) struct Written {
     bytes: u64,
     attribution: String,
 }

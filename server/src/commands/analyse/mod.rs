@@ -8,11 +8,13 @@ mod shadow;
 mod sheet;
 mod sight;
 mod sun;
+mod tile_file;
+mod tiles;
 mod view;
 mod vista;
 
 use super::error::CommandError;
-use crate::analysis::answer::{Answer, grown};
+use crate::analysis::answer::{Answer, Progress, grown};
 use crate::args::{AnalyseArgs, Analysis};
 use crate::proposal::Proposal;
 use crate::store::{CityStore, StoredCity, StoredObjects};
@@ -30,6 +32,7 @@ use insula_export::table::ExportError;
 use progress::AnalysisProgress;
 use proposal::{AROUND_M, AfterProposal, between};
 use std::path::{Path, PathBuf};
+use tiles::TileGrid;
 
 /// Largest file of weather. A year has 1.5 MB.
 const MAX_WEATHER_BYTES: u64 = 16 << 20;
@@ -92,8 +95,13 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let around = change.as_ref().filter(|_| args.vista.is_none());
     let area = area.or_else(|| Some(grown(around?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
-    let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
     let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new(), weather };
+    if change.is_none()
+        && let Some(grid) = TileGrid::of(&question, area)?
+    {
+        return tiles::run(&question, grid, &times);
+    }
+    let mut surface = CitySurface::read(&source, area.map(|area| grown(area, args.reach))).map_err(failed)?;
     let mut changed = None;
     if let (Some(proposal), Some(change)) = (&proposal, &change) {
         let after = change.after(proposal, &surface)?;
@@ -118,7 +126,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     match args.what {
         Analysis::Shadow => Ok(()),
         _ => {
-            let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| question.answer(surface))?;
+            let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| question.shown_answer(surface))?;
             write(&question, &surface, answer, &Files::of(args))
         }
     }
@@ -142,25 +150,30 @@ fn beside(
 }
 
 impl Question<'_> {
-    /// Computes what is asked for, but shadows.
-    fn answer(&self, surface: &mut CitySurface) -> Result<Answer, CommandError> {
+    /// Computes what is asked for, but shadows, and shows how far it is.
+    fn shown_answer(&self, surface: &mut CitySurface) -> Result<Answer, CommandError> {
         let shown = AnalysisProgress::start();
         let progress = |share: f64| {
             shown.at(share);
             true
         };
-        let (args, heights) = (self.args, &self.args.wall_heights);
-        let answer = match args.what {
-            Analysis::Sun => sun::sun(args, surface, &self.site()?, &progress)?,
-            Analysis::View => view::view(args, surface, self.place, &progress)?,
-            Analysis::Solar => {
-                let sky = self.weather.as_ref().map(YearOfSky::Weather).or(args.turbidity.map(YearOfSky::Clear));
-                Answer::of_solar(surface, &self.site()?, sky, heights, &progress)
-            }
-            Analysis::Sky | Analysis::Shadow => Answer::of_sky(surface, heights, &progress),
-        };
+        let answer = self.answer(surface, &progress)?;
         shown.clear();
         Ok(answer)
+    }
+
+    /// The same. `progress` gets the share that is done.
+    fn answer(&self, surface: &mut CitySurface, progress: Progress<'_>) -> Result<Answer, CommandError> {
+        let (args, heights) = (self.args, &self.args.wall_heights);
+        Ok(match args.what {
+            Analysis::Sun => sun::sun(args, surface, &self.site()?, progress)?,
+            Analysis::View => view::view(args, surface, self.place, progress)?,
+            Analysis::Solar => {
+                let sky = self.weather.as_ref().map(YearOfSky::Weather).or(args.turbidity.map(YearOfSky::Clear));
+                Answer::of_solar(surface, &self.site()?, sky, heights, progress)
+            }
+            Analysis::Sky | Analysis::Shadow => Answer::of_sky(surface, heights, progress),
+        })
     }
 
     /// Where the city lies. Fails if that is not known.

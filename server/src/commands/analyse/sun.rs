@@ -40,7 +40,7 @@ pub(super) fn sun(
 }
 
 /// The rule of `--rule`. Fails if there is none of its name, and no such file.
-fn rule(args: &AnalyseArgs) -> Result<Rule, CommandError> {
+pub(super) fn rule(args: &AnalyseArgs) -> Result<Rule, CommandError> {
     let names = || Rule::names().collect::<Vec<_>>().join(", ");
     let text = args
         .rule
