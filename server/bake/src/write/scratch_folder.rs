@@ -352,6 +352,10 @@ mod tests {
         let out = folder.path.join("city");
         start(&out, false);
         write_manifest(&folder.path.join("city.partial/replaced"), "old");
+        // As earlier versions of the program left it.
+        for name in ["state.json", "packs/m-1-0-0.pack"] {
+            fs::write(folder.path.join("city.partial").join(name), "{}").unwrap();
+        }
         // Somebody may have prepared the place for the next bake.
         fs::create_dir(&out).unwrap();
         let scratch = ScratchFolder::lock(&out).unwrap();
