@@ -120,6 +120,25 @@ fn a_missing_transform_is_a_warning() {
 }
 
 #[test]
+fn a_transform_that_loses_bodies_is_an_error_or_a_warning() {
+    let more = |scale: &str, name: &str| {
+        format!(
+            r#", "transform": {{"scale": {scale}, "translate": [11, 48, 0]}}, "metadata": {{"referenceSystem": "{name}"}}"#
+        )
+    };
+    let text = |more: &str| document(&object("a", &solid("1")), more);
+    let flat = text(&more("[0.001, 0.001, 0]", "EPSG:7415"));
+    let error = embedded(&[("a.json", flat.as_bytes())]).unwrap_err().to_string();
+    assert!(error.contains("scale is 0"), "{error}");
+    let degrees = "https://www.opengis.net/def/crs/EPSG/0/4326";
+    let is_inexact = |step: &str| {
+        let (_, report) = read(&text(&more(&format!("[{step}, {step}, 1]"), degrees)));
+        report.placing_warnings().any(|warning| warning.contains("whole steps"))
+    };
+    assert!(is_inexact("0.0001") && !is_inexact("0.00001"));
+}
+
+#[test]
 fn templates_are_placed_by_matrix_and_anchor() {
     let templates =
         format!(r#", "geometry-templates": {{"vertices-templates": [{CUBE}], "templates": [{}]}}"#, solid("2"));

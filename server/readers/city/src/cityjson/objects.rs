@@ -15,13 +15,15 @@ use insula_source::json::attributes::flatten;
 use insula_source::json::metadata;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject, WholeBuilding};
-use insula_source::problems::{INTERIOR, NO_TRANSFORM};
+use insula_source::problems::{INEXACT, INTERIOR, NO_TRANSFORM};
 use insula_source::subject;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 
 /// Whole numbers with a larger range of heights are no metres: they wait for a transform, mostly to millimetres.
 const MOST_METRES: f64 = 1000.0;
+/// Larger steps of vertices in degrees, of about 1 m, bend walls and close gaps.
+const MAX_STEP_DEG: f64 = 1e-5;
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
 
@@ -46,6 +48,11 @@ pub(super) fn begin(
         return Ok(false);
     };
     let is_latitude_first = is_latitude_first(&name);
+    let step = header.transform.map_or(0.0, |transform| transform.scale[0].abs().max(transform.scale[1].abs()));
+    if step > MAX_STEP_DEG && is_geographic(&name) {
+        let detail = format!("vertices of {label} are whole steps of {step} degrees, so that buildings are bent");
+        sink.problem(INEXACT, detail);
+    }
     // As the specification says: the order of the system's definition. Writers follow it for degrees, and mostly not for
     // projected systems whose definition begins with the northing.
     sink.set_crs(&match is_geographic(&name) {
@@ -94,7 +101,8 @@ fn look_untransformed(vertices: &[JsonPosition]) -> bool {
     high - low > MOST_METRES && vertices.iter().all(|JsonPosition(at)| at.iter().all(|number| number.fract() == 0.0))
 }
 
-/// Passes all objects of a batch to the sink; calls `tick` with the number of objects that are done. Fails as the sink.
+/// Passes all objects of a batch to the sink; calls `tick` with the number of objects that are done. Fails as the sink, or if
+/// the transform puts all vertices in one plane.
 pub(super) fn read_objects(
     shared: &SharedMembers<'_>,
     batch: &ObjectBatch<'_>,
@@ -103,6 +111,9 @@ pub(super) fn read_objects(
 ) -> Result<(), InputError> {
     if shared.transform.is_none() && look_untransformed(batch.vertices) {
         sink.problem(NO_TRANSFORM, "they are whole numbers of a large range of heights".to_owned());
+    }
+    if !batch.vertices.is_empty() && shared.transform.is_some_and(|transform| transform.scale.contains(&0.0)) {
+        return Err(InputError::damaged(shared.label, "transform", "its scale is 0, which leaves no bodies"));
     }
     let outlines: Vec<(&str, Option<ObjectOutline<'_>>)> =
         batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();

@@ -1,5 +1,6 @@
 //! The JSON of EXT_structural_metadata that is read: classes, enums and property tables.
 
+use super::schema::Raw;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -10,6 +11,8 @@ pub(super) struct StructuralMetadata {
     pub(super) schema: Option<MetadataSchema>,
     pub(super) schema_uri: Option<String>,
     pub(super) property_tables: Vec<TableEntry>,
+    pub(super) property_textures: Raw,
+    pub(super) property_attributes: Raw,
 }
 
 #[derive(Debug, Default, Clone, Deserialize)]

@@ -24,6 +24,7 @@ mod source;
 #[cfg(test)]
 pub(crate) mod tests;
 mod triangles;
+mod unread;
 mod uri;
 mod version1;
 
@@ -33,7 +34,7 @@ use images::Images;
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::object::{SourceImage, SourceMaterial, TriangleMesh};
-use insula_source::problems::ENCODING_GUESSED;
+use insula_source::problems::{ENCODING_GUESSED, PART_NOT_READ};
 pub(crate) use metadata::PropertyTable;
 use primitive::PrimitiveContext;
 use scene::SceneBuilder;
@@ -193,6 +194,7 @@ pub(crate) fn decode(
     let buffers = Buffers::new(root, document.binary, resources, &budget);
     let mut scene = GltfScene { copyright: root.asset.copyright.clone(), ..GltfScene::default() };
     scene.problems.extend(document.guessed.as_ref().map(|what| (ENCODING_GUESSED, what.clone())));
+    scene.problems.extend(unread::parts_not_read(root).into_iter().map(|part| (PART_NOT_READ, part)));
     scene.attributes = extras::attributes(&root.asset.extras);
     if let Some(first) = root.scenes.get(root.scene.unwrap_or(0)) {
         extras::push(&first.extras, &mut scene.attributes);

@@ -7,6 +7,7 @@ use super::{
     Attributes, FeatureIdValues, FeatureIds, GltfPrimitive, GltfScene, MeshNode, accessor, extras, features, triangles,
 };
 use glam::{DMat4, DQuat, DVec3};
+use insula_source::problems::PART_NOT_READ;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -102,6 +103,12 @@ impl<'a> SceneBuilder<'a> {
             if count > 0 {
                 self.scene.problems.push((kind, format!("tree of nodes: {count} times")));
             }
+        }
+        let outside = root.nodes.iter().zip(&is_named).filter(|(node, is_named)| node.mesh.is_some() && !**is_named);
+        let outside = outside.count();
+        if outside > 0 {
+            let detail = format!("nodes with meshes outside of the scene that the file shows: {outside}");
+            self.scene.problems.push((PART_NOT_READ, detail));
         }
         placed
     }

@@ -43,6 +43,8 @@ pub(super) struct RootExtensions {
     pub(super) rtc: Option<CesiumRtc>,
     #[serde(rename = "EXT_structural_metadata")]
     pub(super) metadata: Option<StructuralMetadata>,
+    #[serde(rename = "EXT_feature_metadata")]
+    pub(super) old_metadata: Raw,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -70,6 +72,8 @@ pub(super) struct Node {
     pub(super) scale: Option<Box<[f64; 3]>>,
     pub(super) mesh: Option<usize>,
     pub(super) skin: Option<usize>,
+    /// Of morph targets, instead of the mesh's.
+    pub(super) weights: Raw,
     pub(super) extras: Raw,
     pub(super) extensions: Option<Box<NodeExtensions>>,
 }
@@ -120,6 +124,8 @@ pub(super) struct FeatureSet {
 pub(super) struct Mesh {
     pub(super) name: Option<Box<str>>,
     pub(super) primitives: Vec<Primitive>,
+    /// Of morph targets.
+    pub(super) weights: Raw,
     pub(super) extras: Raw,
 }
 
@@ -131,6 +137,8 @@ pub(super) struct Primitive {
     pub(super) indices: Option<usize>,
     pub(super) material: Option<usize>,
     pub(super) mode: Option<u32>,
+    /// Morph targets.
+    pub(super) targets: Raw,
     pub(super) extras: Raw,
     pub(super) extensions: Option<Box<PrimitiveExtensions>>,
 }

@@ -247,3 +247,24 @@ fn version_1_is_converted() {
     assert_eq!(scene.materials[0].opacity, 0.5);
     assert_eq!(scene.mesh_nodes[1].owner, scene.mesh_nodes[0].node);
 }
+
+#[test]
+fn parts_that_are_not_read_are_named() {
+    let mut document = Document::quad();
+    document.json["extensions"] = serde_json::json!({"EXT_feature_metadata": {"schema": {}},
+        "EXT_structural_metadata": {"propertyTextures": [{"class": "c"}], "propertyAttributes": []}});
+    document.json["meshes"][0]["weights"] = serde_json::json!([0.5]);
+    document.json["meshes"][0]["primitives"][0]["targets"] = serde_json::json!([{"POSITION": 0}]);
+    document.json["nodes"] = serde_json::json!([{"mesh": 0}, {"mesh": 0, "weights": [0]}, {"mesh": 0}]);
+    document.json["scenes"] = serde_json::json!([{"nodes": [0, 1]}, {"nodes": [2]}]);
+    let scene = decode_document(&document).expect("readable");
+    let parts: Vec<_> = scene.problems.iter().map(|(kind, detail)| (*kind, detail.as_str())).collect();
+    let expected = [
+        "attributes in EXT_feature_metadata, which EXT_structural_metadata has replaced",
+        "attributes in property textures",
+        "morph targets, whose nodes have their basic shape: 2",
+        "nodes with meshes outside of the scene that the file shows: 1",
+    ];
+    assert_eq!(parts, expected.map(|part| (PART_NOT_READ, part)));
+    assert_eq!(scene.primitives.len(), 2);
+}

@@ -28,7 +28,7 @@ pub(super) struct MtlMaterial {
     pub(super) diffuse: Option<[f64; 3]>,
     /// File name of `map_Kd`, as written.
     pub(super) texture: Option<String>,
-    /// `d`, from 0 (invisible) to 1 (opaque).
+    /// `d`, from 0 (invisible) to 1 (opaque), or else 1 less `Tr`.
     dissolve: Option<f64>,
     /// `Ni`.
     refraction: Option<f64>,
@@ -69,7 +69,14 @@ pub(super) fn parse(library: &[u8], materials: &mut HashMap<String, MtlMaterial>
             ("map_kd", Some((_, material))) => {
                 material.texture = parse_texture(split_word(&decoded(bytes, encoding)).1);
             }
-            ("d", Some((_, material))) => material.dissolve = rest.parse().ok(),
+            ("d", Some((_, material))) => {
+                material.dissolve = rest.strip_prefix("-halo").unwrap_or(rest).trim().parse().ok();
+            }
+            // Some programs write `Tr 1` for what is opaque, which is neither transparent nor glass this way, too.
+            ("tr", Some((_, material))) => {
+                let transparency = rest.parse::<f64>().ok();
+                material.dissolve = material.dissolve.or(transparency.map(|transparency| 1.0 - transparency));
+            }
             ("ni", Some((_, material))) => material.refraction = rest.parse().ok(),
             ("illum", Some((_, material))) => material.model = rest.parse().ok(),
             _ => {}
@@ -100,12 +107,14 @@ fn parse_colour(text: &str) -> Option<[f64; 3]> {
     }
 }
 
-/// The file name after the options. It may contain blanks.
+/// The file name after the options. It may contain blanks, but not after an option that is not known.
 fn parse_texture(text: &str) -> Option<String> {
     let mut rest = text;
     while rest.starts_with('-') {
-        let (option, after) = rest.split_once(char::is_whitespace)?;
-        let arguments = MAP_OPTIONS.iter().find(|(name, _)| *name == option).map(|(_, count)| *count)?;
+        let Some((option, after)) = rest.split_once(char::is_whitespace) else { break };
+        let Some((_, arguments)) = MAP_OPTIONS.iter().find(|(name, _)| *name == option).copied() else {
+            return rest.split_ascii_whitespace().next_back().map(str::to_owned);
+        };
         rest = after.trim_start();
         for taken in 0..arguments {
             let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -134,6 +143,14 @@ mod tests {
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
         assert_eq!(materials["d"], MtlMaterial { texture: Some("wall.jpg".to_owned()), ..MtlMaterial::default() });
         assert_eq!(materials.len(), 3);
+        for (line, name) in [
+            ("map_Kd -colorspace sRGB wall.jpg", Some("wall.jpg")),
+            ("map_Kd -wall.jpg", Some("-wall.jpg")),
+            ("map_Kd -clamp on", None),
+        ] {
+            parse(format!("newmtl {line}\n{line}").as_bytes(), &mut materials);
+            assert_eq!(materials[line].texture.as_deref(), name, "{line}");
+        }
         parse(b"NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
         assert_eq!((materials["e"].diffuse, materials["e"].texture.as_deref()), (Some([1.0, 0.0, 0.0]), Some("e.png")));
     }
@@ -157,12 +174,16 @@ mod tests {
             parse(format!("newmtl a\n{lines}").as_bytes(), &mut materials);
             materials["a"].is_glass()
         };
-        for lines in ["d 0.4", "d 1\nillum 9\nNi 1.33", "illum 4\nNi 1.5\nmap_Kd pane.png"] {
+        for lines in [
+            "d 0.4", "Tr 0.6", "d -halo 0.4", "Tr 1\nd 0.4", "d 1\nillum 9\nNi 1.33",
+            "illum 4\nNi 1.5\nmap_Kd pane.png",
+        ] {
             assert!(is_glass(lines), "{lines}");
         }
-        for lines in
-            ["", "d 1", "d 0", "d x", "d nan", "d 0.4\nmap_Kd leaves.png", "illum 2\nNi 1.45", "illum 7\nNi 1.0"]
-        {
+        for lines in [
+            "", "d 1", "d 0", "d x", "d nan", "Tr 0", "Tr 1", "d 1\nTr 0.5", "d 0.4\nmap_Kd leaves.png",
+            "illum 2\nNi 1.45", "illum 7\nNi 1.0",
+        ] {
             assert!(!is_glass(lines), "{lines}");
         }
     }

@@ -3,7 +3,7 @@
 
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
-use insula_source::problems::{ENCODING_GUESSED, MESH_UNIT};
+use insula_source::problems::{ENCODING_GUESSED, MESH_UNIT, PART_NOT_READ};
 use insula_source::source::{NextLine, next_line};
 use insula_source::text::{decoded, is_usual, likely_encoding};
 use insula_source::units::metres_of;
@@ -184,6 +184,7 @@ impl<'r> ObjParser<'r> {
             "mtllib" if file.libraries.iter().any(|known| known == rest) => {}
             "mtllib" if file.libraries.len() < MAX_LIBRARIES => file.libraries.push(rest.to_owned()),
             "mtllib" => self.sink.problem("too many material libraries", format!("line {}", self.line)),
+            "surf" => self.sink.problem(PART_NOT_READ, format!("line {}: a free-form surface", self.line)),
             // Comments of the file as a whole are at its head.
             word if word.starts_with('#') && file.positions.is_empty() => self.comment(line),
             _ => {}
@@ -360,6 +361,12 @@ mod tests {
                 |unit: &str| problems[0].0 == MESH_UNIT && problems[0].1.contains(&format!("\"scale\": {unit} in"));
             assert!(unit_m.map_or(problems.is_empty(), is_named), "{text}: {problems:?}");
         }
+    }
+
+    #[test]
+    fn free_form_surfaces_are_named() {
+        let problems = parsed("v 0 0 0\ncstype bspline\nsurf 0 1 0 1 1 1 1 1\nl 1 1\n").1;
+        assert_eq!(problems, [(PART_NOT_READ, "line 3: a free-form surface".to_owned())]);
     }
 
     #[test]
