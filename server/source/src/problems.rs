@@ -69,6 +69,8 @@ pub const DAMAGED_ATTRIBUTES: &str = "damaged attributes";
 pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
 /// The file of its memo columns is missing or damaged.
 pub const NO_MEMOS: &str = "texts of memo columns not read";
+/// A column of it is of a type that is not read.
+pub const NO_COLUMN: &str = "column of a type that is not read";
 /// It is none of features that may be read.
 pub const NO_TABLE: &str = "view, virtual or missing table not read";
 /// Kind of the problem that texts are in an encoding that nothing tells.
@@ -138,8 +140,8 @@ pub(crate) const GUESSES: &[&str] = &[
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[
-    NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_MEMOS, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA, INTERIOR,
-    PART_NOT_READ, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE, TEXTURE_UNREADABLE,
-    TEXTURE_BROKEN, TEXTURE_TOO_LARGE, TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE, TILE_NOT_READ,
-    TILE_NOT_FETCHED, SUBTREE_UNREADABLE,
+    NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_MEMOS, NO_COLUMN, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA,
+    INTERIOR, PART_NOT_READ, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE,
+    TEXTURE_UNREADABLE, TEXTURE_BROKEN, TEXTURE_TOO_LARGE, TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE,
+    TILE_NOT_READ, TILE_NOT_FETCHED, SUBTREE_UNREADABLE,
 ];

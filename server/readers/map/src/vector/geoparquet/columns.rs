@@ -7,8 +7,10 @@ use arrow_array::types::{
     Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, TimestampMicrosecondType, TimestampMillisecondType,
     TimestampNanosecondType, TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
 };
-use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveArray, StringArray, StructArray};
-use arrow_schema::{DataType, Schema, TimeUnit};
+use arrow_array::{
+    Array, ArrayRef, BinaryArray, BooleanArray, ListArray, MapArray, PrimitiveArray, StringArray, StructArray,
+};
+use arrow_schema::{DataType, Field, Schema, TimeUnit};
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 
 /// Values nested deeper are left out.
@@ -17,15 +19,43 @@ const SECONDS_OF_DAY: i64 = 86_400;
 /// Beginning of the names of columns that pandas adds for itself.
 const PANDAS_INDEX: &str = "__index_level_";
 
-/// Numbers of the top-level columns that are read: all but bytes, boxes of the features, and the index of pandas.
+/// Numbers of the top-level columns that are read: all but boxes of the features, the index of pandas, and columns that are not read.
 pub(super) fn wanted(schema: &Schema, geo: &GeoColumn) -> Vec<usize> {
-    let boxes = geo.covering.as_ref().and_then(|paths| paths[0].split('.').next());
-    let is_wanted = |name: &str, kind: &DataType| {
-        let is_bytes = matches!(kind, DataType::Binary | DataType::FixedSizeBinary(_));
-        name == geo.name || !(is_bytes || Some(name) == boxes || name.starts_with(PANDAS_INDEX))
-    };
     let fields = schema.fields().iter().enumerate();
-    fields.filter(|(_, field)| is_wanted(field.name(), field.data_type())).map(|(index, _)| index).collect()
+    let is_wanted = |field: &Field| *field.name() == geo.name || has_values(field, geo) && is_read(field.data_type());
+    fields.filter(|(_, field)| is_wanted(field)).map(|(index, _)| index).collect()
+}
+
+/// Names of the columns that tell something of the features, but are of types that are not read.
+pub(super) fn unread(schema: &Schema, geo: &GeoColumn) -> Vec<String> {
+    let is_lost = |field: &Field| *field.name() != geo.name && has_values(field, geo) && !is_read(field.data_type());
+    schema.fields().iter().filter(|field| is_lost(field)).map(|field| field.name().clone()).collect()
+}
+
+/// Whether a column is neither of boxes nor an index.
+fn has_values(field: &Field, geo: &GeoColumn) -> bool {
+    let boxes = geo.covering.as_ref().and_then(|paths| paths[0].split('.').next());
+    Some(field.name().as_str()) != boxes && !field.name().starts_with(PANDAS_INDEX)
+}
+
+/// Whether [`ColumnValues`] reads values of a type.
+fn is_read(kind: &DataType) -> bool {
+    match kind {
+        DataType::Boolean | DataType::Utf8 | DataType::Binary | DataType::Date32 | DataType::Timestamp(..) => true,
+        // All are missing.
+        DataType::Null => true,
+        DataType::Struct(members) => members.iter().any(|member| is_read(member.data_type())),
+        DataType::List(item) => is_read(item.data_type()),
+        DataType::Map(entries, _) => match entries.data_type() {
+            DataType::Struct(pair) => {
+                let kinds: Vec<&DataType> = pair.iter().map(|member| member.data_type()).collect();
+                matches!(kinds[..], [DataType::Utf8, value] if is_read(value))
+            }
+            _ => false,
+        },
+        DataType::Decimal256(..) => false,
+        kind => kind.is_numeric(),
+    }
 }
 
 /// A column of a batch of rows.
@@ -37,13 +67,15 @@ pub(super) struct ColumnValues<'a> {
 enum Values<'a> {
     Bool(&'a BooleanArray),
     Text(&'a StringArray),
+    /// Texts of writers that do not say so, or other bytes.
+    Bytes(&'a BinaryArray),
     /// Numbers and dates, by their own type.
     Primitive(Box<dyn Fn(usize) -> Option<AttributeValue> + 'a>),
     Struct(Vec<(&'a str, ColumnValues<'a>)>),
     List(&'a ListArray, Box<ColumnValues<'a>>),
     /// Keys that are texts, and values.
     Map(&'a MapArray, &'a StringArray, Box<ColumnValues<'a>>),
-    /// Bytes, times of day and the like.
+    /// Times of day and the like.
     Unused,
 }
 
@@ -52,6 +84,7 @@ impl<'a> ColumnValues<'a> {
         let values = match array.data_type() {
             DataType::Boolean => Values::Bool(array.as_boolean()),
             DataType::Utf8 => Values::Text(array.as_string()),
+            DataType::Binary => Values::Bytes(array.as_binary()),
             DataType::Struct(_) => Values::Struct(members(array.as_struct())),
             DataType::List(_) => {
                 let list = array.as_list::<i32>();
@@ -78,6 +111,14 @@ impl<'a> ColumnValues<'a> {
             Values::Bool(array) => attributes.push(name, AttributeValue::Bool(array.value(row))),
             Values::Text(array) if array.value(row).is_empty() => {}
             Values::Text(array) => attributes.push(name, AttributeValue::Text(array.value(row).to_owned())),
+            Values::Bytes(array) => {
+                let text = std::str::from_utf8(array.value(row)).ok();
+                // Geometries and images have zeros and ones.
+                let is_text = |text: &&str| !text.is_empty() && !text.contains(|c: char| c < ' ' && !c.is_whitespace());
+                if let Some(text) = text.filter(is_text) {
+                    attributes.push(name, AttributeValue::Text(text.to_owned()));
+                }
+            }
             Values::Primitive(value) => {
                 if let Some(value) = value(row) {
                     attributes.push(name, value);

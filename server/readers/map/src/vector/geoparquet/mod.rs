@@ -18,6 +18,7 @@ use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, Share};
 use insula_source::object::{Description, ObjectSink};
+use insula_source::problems::NO_COLUMN;
 use metadata::{GeoColumn, GeometryEncoding};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
@@ -55,6 +56,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut writer = FeatureWriter::new(input, sink);
     let names = metadata.schema().fields().iter().map(|field| field.name().as_str());
     writer.begin(Layer::of_file(input.name, names), geo.crs.clone())?;
+    for name in columns::unread(metadata.schema(), &geo).into_iter().filter(|_| input.share.number == 0) {
+        writer.sink.problem(NO_COLUMN, name);
+    }
     if let Some(attribution) = metadata::text_of(metadata.metadata(), "attribution") {
         writer.sink.describe(Description::Attribution, attribution);
     }

@@ -7,13 +7,14 @@ use super::{
 use crate::vector::read_geoparquet;
 use arrow_array::builder::{BinaryBuilder, ListBuilder, MapBuilder, StringBuilder, StructBuilder};
 use arrow_array::{
-    ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray,
-    StructArray, TimestampMillisecondArray,
+    ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array, NullArray, RecordBatch,
+    StringArray, StructArray, Time32MillisecondArray, TimestampMillisecondArray,
 };
 use arrow_schema::{DataType, Field};
 use insula_source::attributes::AttributeValue;
 use insula_source::input::Share;
 use insula_source::object::{Description, FeatureKind, Shape, SourceObject};
+use insula_source::problems::NO_COLUMN;
 use parquet::arrow::ArrowWriter;
 use parquet::basic::Compression;
 use parquet::file::metadata::KeyValue;
@@ -96,7 +97,7 @@ fn overture_columns() -> Vec<(&'static str, ArrayRef)> {
         ("is_underground", Arc::new(BooleanArray::from(vec![false, false]))),
         ("day", Arc::new(Date32Array::from(vec![0, 1]))),
         ("time", Arc::new(TimestampMillisecondArray::from(vec![86_400_000, -1]))),
-        ("raw", Arc::new(BinaryArray::from(vec![&b"x"[..], b"y"]))),
+        ("raw", Arc::new(BinaryArray::from(vec![&b"\x01\x00"[..], b"\xffy"]))),
     ]
 }
 
@@ -126,6 +127,20 @@ fn parts_of_overture() {
     assert_eq!((sink.objects[1].kind, sink.objects[1].parent.clone()), (FeatureKind::Building, None));
     assert_eq!(sink.crs[0].name, "OGC:CRS84");
     assert_eq!(sink.described, [(Description::Attribution, "OpenStreetMap".to_owned())]);
+}
+
+#[test]
+fn texts_that_are_not_declared_are_read_and_columns_that_are_lost_named() {
+    let columns: Vec<(&str, ArrayRef)> = vec![
+        ("geometry", geometries(2)),
+        ("street", Arc::new(BinaryArray::from(vec!["Straße 1".as_bytes(), b""]))),
+        ("opens", Arc::new(Time32MillisecondArray::from(vec![1, 2]))),
+        ("nothing", Arc::new(NullArray::new(2))),
+    ];
+    let sink = read(read_geoparquet, &[("a.parquet", &file(columns, Some(WKB), Compression::SNAPPY))]);
+    assert_eq!(sink.objects[0].attributes, attributes(&[("street", text("Straße 1"))]));
+    assert_eq!(sink.objects[1].attributes, attributes(&[]));
+    assert_eq!(sink.problems, [(NO_COLUMN, "opens".to_owned())]);
 }
 
 #[test]
