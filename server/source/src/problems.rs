@@ -14,6 +14,8 @@ pub const ZERO_HEIGHTS: &str = "flat areas at a height of exactly 0 laid on the 
 pub const MISSING_GROUND: &str = "height of the ground out of range, taken as missing";
 /// Kind of the problem that a source names no coordinate system.
 pub const NO_CRS: &str = "coordinate system not given";
+/// Kind of the problem that an object has surfaces in several coordinate systems.
+pub const SEVERAL_SYSTEMS: &str = "surfaces of one object in several coordinate systems, all taken in the first one";
 /// Reason for leaving out objects that are too far from the others.
 pub const FAR: &str = "far from the city";
 /// Reason for leaving out objects that a proposal removes.
@@ -133,10 +135,10 @@ pub const SUBTREE_UNREADABLE: &str = "subtree cannot be read";
 
 /// What is guessed, and worth a warning.
 pub(crate) const GUESSES: &[&str] = &[
-    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, UNIT_GUESSED, CUT_NAME, BASE_ABOVE_TOP, RELATIVE_HEIGHTS, SEVERAL_VALUES,
-    ENCODING_GUESSED, MARK_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS, ZERO_HEIGHTS,
-    MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM, MESH_UNIT, MESH_UP,
-    GLTF_UP,
+    SWAPPED, MIRRORED, OUTSIDE, NO_CRS, SEVERAL_SYSTEMS, UNIT_GUESSED, CUT_NAME, BASE_ABOVE_TOP, RELATIVE_HEIGHTS,
+    SEVERAL_VALUES, ENCODING_GUESSED, MARK_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS,
+    ZERO_HEIGHTS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM,
+    MESH_UNIT, MESH_UP, GLTF_UP,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

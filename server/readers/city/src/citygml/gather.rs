@@ -8,6 +8,7 @@ use super::tree::{AttributeKind, Content, Tree, hash_of_reference};
 use crate::degrees::TemplatePlace;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::object::SurfaceRole;
+use insula_source::problems::SEVERAL_SYSTEMS;
 use std::collections::HashSet;
 use std::ops::Range;
 use std::rc::Rc;
@@ -143,7 +144,10 @@ impl<'s> Gatherer<'s> {
             return self.faults.note(TOO_DEEP);
         }
         let Scene { tree, names, appearances, .. } = self.scene;
-        inherited.srs = tree.attribute(node, AttributeKind::SrsName).or(inherited.srs);
+        // What a template names is a system of its own: that of its reference point places it.
+        if inherited.placement.is_none() {
+            inherited.srs = tree.attribute(node, AttributeKind::SrsName).or(inherited.srs);
+        }
         if let Some(id) = tree.id_hash(node) {
             inherited.material = appearances.material_of_surface(id).or(inherited.material);
         }
@@ -243,6 +247,9 @@ impl<'s> Gatherer<'s> {
             self.points_left = left;
         }
         let Inherited { role, is_reversed, material, srs, placement } = inherited;
+        if self.srs.zip(srs).is_some_and(|(first, own)| first != own) {
+            self.faults.note(SEVERAL_SYSTEMS);
+        }
         self.srs = self.srs.or(srs);
         let is_reversed = is_reversed ^ placement.as_ref().is_some_and(|placement| placement.is_mirrored());
         pieces.push(Piece { geometry, is_reversed, role, material, placement });

@@ -4,7 +4,7 @@ use super::*;
 use crate::citygml::gather::BAD_MATRIX;
 use insula_source::affine::TRANSPOSED;
 use insula_source::object::{CrsReference, FeatureKind, SurfaceRole};
-use insula_source::problems::{INTERIOR, NO_CRS};
+use insula_source::problems::{INTERIOR, NO_CRS, SEVERAL_SYSTEMS};
 
 #[test]
 fn solid_of_references_does_not_double_the_boundary() {
@@ -354,6 +354,29 @@ fn systems_are_found_on_every_element_of_a_surface() {
         assert_eq!(sink.crs, [CrsReference::authority("EPSG:25832".to_owned())], "{element}");
         assert_eq!(corners(&sink.objects[0]), [1.0, 2.0], "{element}");
     }
+}
+
+#[test]
+fn surfaces_in_several_systems_are_named() {
+    let face = |id: &str, code: u32| {
+        polygon(id, 1).replacen("<gml:Polygon", &format!(r#"<gml:Polygon srsName="EPSG:{code}""#), 1)
+    };
+    let faces = [face("a", 25832), face("c", 25833), face("d", 25832)];
+    let sink = read_building(&format!("<bldg:lod1MultiSurface>{}</bldg:lod1MultiSurface>", multi_surface(&faces)));
+    assert_eq!(sink.crs, [CrsReference::authority("EPSG:25832")]);
+    assert_eq!(sink.problems, [(SEVERAL_SYSTEMS, "b".to_owned())]);
+}
+
+#[test]
+fn the_system_of_a_template_is_that_of_its_place() {
+    let template =
+        multi_surface(&[polygon("t", 1)]).replacen("<gml:MultiSurface", r##"<gml:MultiSurface srsName="#local""##, 1);
+    let tree = format!(
+        r#"<veg:SolitaryVegetationObject gml:id="v"><veg:lod1ImplicitRepresentation><core:ImplicitGeometry><core:relativeGMLGeometry>{template}</core:relativeGMLGeometry><core:referencePoint><gml:Point srsName="EPSG:25832"><gml:pos>7 8 9</gml:pos></gml:Point></core:referencePoint></core:ImplicitGeometry></veg:lod1ImplicitRepresentation></veg:SolitaryVegetationObject>"#
+    );
+    let sink = read_2(&member(&tree));
+    assert_eq!(sink.crs, [CrsReference::authority("EPSG:25832")]);
+    assert_eq!((corners(&sink.objects[0]), sink.problems.len()), (vec![8.0], 0));
 }
 
 #[test]
