@@ -45,6 +45,32 @@ pub fn write_city_json(folder: &Path, per_side: usize) -> Result<PathBuf> {
     Ok(path)
 }
 
+/// Raises the first house of a file of [`write_city_json`] to 45 m, as a later delivery may have it.
+pub fn raise_first_house(path: &Path) -> Result<()> {
+    let mut town: Value = serde_json::from_slice(&fs::read(path)?)?;
+    for corner in 4..8_usize {
+        town["vertices"][corner][2] = 45_000.into();
+    }
+    fs::write(path, town.to_string()).with_context(|| path.display().to_string())
+}
+
+/// Two versions of a town in a folder: `first` of 2020-01-01, and `later` of 2024-01-31, which has a higher house and shares all other tiles.
+pub fn bake_versions(folder: &Path) -> Result<[PathBuf; 2]> {
+    let input = write_city_json(folder, 6)?;
+    let [first, later] = ["first", "later"].map(|name| folder.join(name));
+    let options = |date: &str, out: &Path| BakeOptions {
+        inputs: vec![input.clone()],
+        out: out.to_owned(),
+        date: Some(date.to_owned()),
+        ..BakeOptions::default()
+    };
+    insula_bake::bake(&options("2020-01-01", &first), &Silent).context("bake")?;
+    raise_first_house(&input)?;
+    let version_of = Some(first.clone());
+    insula_bake::bake(&BakeOptions { version_of, ..options("2024-01-31", &later) }, &Silent).context("bake")?;
+    Ok([first, later])
+}
+
 /// One of the three textured parts of the bundled city (Chiba).
 pub fn chiba_quarter() -> Result<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/demo/chiba/chiba_70.obj.gz");

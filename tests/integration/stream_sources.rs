@@ -17,7 +17,7 @@ use insula_server::store::Store;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_test_support::faulty_host::{FaultyHost, HostFaults};
 use insula_test_support::programs::{program, run};
-use insula_tests::fixtures::write_city_json;
+use insula_tests::fixtures::{raise_first_house, write_city_json};
 use insula_tests::synth::{City, Viewpoint};
 use insula_tests::tests;
 use insula_tests::trials::Trials;
@@ -26,7 +26,6 @@ use insula_viewer::camera::Camera;
 use insula_viewer::frame::RenderSettings;
 use insula_viewer::scene::SceneTree;
 use insula_viewer::streamer::FrameRequest;
-use serde_json::Value;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -118,11 +117,7 @@ fn a_version_of_a_city_gives_the_frame_of_a_whole_bake() -> Result<()> {
         )
     };
     bake("first", None)?;
-    let mut raised: Value = serde_json::from_slice(&std::fs::read(&input)?)?;
-    for corner in 4..8_usize {
-        raised["vertices"][corner][2] = 45_000.into();
-    }
-    std::fs::write(&input, raised.to_string())?;
+    raise_first_house(&input)?;
     bake("later", Some("first"))?;
     bake("whole", None)?;
     let camera = Camera::overview(&read_manifest(&path("whole"))?, 16.0 / 9.0);

@@ -14,6 +14,7 @@ mod objects;
 mod pictures;
 mod proposals;
 mod site;
+mod versions;
 mod viewer;
 
 use anyhow::{Context, Result, ensure};
@@ -68,7 +69,7 @@ const QUICK: [(&str, Run); 17] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 29] = [
+const FULL: [(&str, Run); 30] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
@@ -78,6 +79,7 @@ const FULL: [(&str, Run); 29] = [
     ("chosen_days_are_those_they_name", controls::chosen_days_are_those_they_name),
     ("a_server_without_analyses_offers_none", analysis::a_server_without_analyses_offers_none),
     ("a_result_leaves_a_phone_free", analysis::a_result_leaves_a_phone_free),
+    ("a_slider_switches_between_versions", versions::a_slider_switches_between_versions),
     ("a_server_that_starts_late_is_found", component::a_server_that_starts_late_is_found),
     ("touch_moves_the_camera", viewer::touch_moves_the_camera),
     ("a_click_picks_a_point_of_the_city", viewer::a_click_picks_a_point),

@@ -30,6 +30,8 @@ pub(crate) fn add(trials: &mut Trials) {
         Test::new("a_thousand_requests_for_one_block_are_one_fetch", store::coalesced),
         Test::new("a_replaced_object_is_never_mixed_with_the_old_one", store::replaced),
         Test::new("every_tile_is_served_from_s3", store::s3).ignored_if(!has("moto_server")),
+        Test::new("a_version_is_served_from_s3_with_what_it_shares", store::version_on_s3)
+            .ignored_if(!has("moto_server")),
         // It sends thousands of requests.
         Test::new("responses_match_the_openapi_document", matches_openapi).ignored_if(!has("schemathesis")).full_tier(),
     ]);

@@ -9,12 +9,14 @@ use insula_protocol::Manifest;
 use insula_server::config::ServeConfig;
 use insula_server::http::{AppState, HttpService};
 use insula_server::store::{CityStore, Store};
+use insula_test_support::bucket::BucketCity;
 use insula_test_support::faulty_host::FaultyHost;
 use insula_test_support::programs::{ServerProcess, wait_until};
 use insula_test_support::{bucket, small_city, tier};
+use insula_tests::fixtures;
 use std::fs;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use tower::ServiceExt;
 
@@ -151,12 +153,26 @@ pub(super) fn s3() {
         small_city::write_city(&folder.path().join("two"), "two");
         folder.path().join("two")
     });
-    let uploaded = bucket::upload(&city).unwrap();
+    assert_served(bucket::upload(&city).unwrap(), &city);
+}
+
+/// The same of a version that has few tiles of its own: the others are in another city of the bucket, which the server is not told of.
+pub(super) fn version_on_s3() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, later] = fixtures::bake_versions(folder.path()).unwrap();
+    let bytes = |city: &Path| fs::metadata(city.join("blockmaps.pmtiles")).unwrap().len();
+    assert!(bytes(&later) < bytes(&first), "the version shares no tiles: the test tests nothing");
+    let uploaded = bucket::upload_beside(&[&first, &later]).unwrap();
+    assert_served(uploaded.into_iter().last().unwrap(), &later);
+}
+
+/// Asserts that a server gives all tiles of a city that was uploaded.
+fn assert_served(uploaded: BucketCity, city: &Path) {
     let settings = ["cache.block_bytes=4096", "limits.tile_bytes=0"];
     let mut command = server::command();
     command.envs(uploaded.environment);
     let server = ServerProcess::start(&mut command, &uploaded.url, ANY_PORT, &settings).unwrap();
-    let local = CityStore::open(&city).unwrap();
+    let local = CityStore::open(city).unwrap();
     let manifest = local.manifest();
     let mut connection = Connection::new(server.address);
     for (kind, archive) in local.archives() {

@@ -30,12 +30,22 @@ pub fn upload_if_requested(city: &Path) -> Result<Option<BucketCity>> {
 
 /// Uploads a city to a path of its own. Starts moto at the first call; fails if it is not installed.
 pub fn upload(city: &Path) -> Result<BucketCity> {
+    upload_beside(&[city])?.pop().context("no city was uploaded")
+}
+
+/// The same with cities beside one another, as those that share tiles are.
+pub fn upload_beside(cities: &[&Path]) -> Result<Vec<BucketCity>> {
     static CITIES: AtomicU32 = AtomicU32::new(0);
     static MOTO: OnceLock<std::result::Result<Moto, String>> = OnceLock::new();
     let moto = MOTO.get_or_init(|| Moto::start().map_err(|error| format!("{error:#}")));
     let moto = moto.as_ref().map_err(|error| anyhow::anyhow!("{error}"))?;
+    let number = CITIES.fetch_add(1, Ordering::Relaxed);
+    cities.iter().map(|city| upload_to(moto, number, city)).collect()
+}
+
+fn upload_to(moto: &Moto, number: u32, city: &Path) -> Result<BucketCity> {
     let name = city.file_name().and_then(|name| name.to_str()).context("the city's folder has no name")?;
-    let path = format!("{}/{name}", CITIES.fetch_add(1, Ordering::Relaxed));
+    let path = format!("{number}/{name}");
     for entry in fs::read_dir(city)? {
         let entry = entry?;
         moto.put(&format!("insula/{path}/{}", entry.file_name().display()), &fs::read(entry.path())?)?;
