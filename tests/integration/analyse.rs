@@ -1,6 +1,7 @@
 //! `analyse` of a baked house: what it writes, and what it says of wrong options.
 
 use crate::command_line::call;
+use insula_test_support::programs;
 use insula_tests::tests;
 use insula_tests::trials::Trials;
 use serde_json::Value;
@@ -18,6 +19,7 @@ pub(crate) fn add(trials: &mut Trials) {
         vistas_say_which_buildings_break_into_them,
         points_have_pictures_as_evidence,
         proposals_say_what_they_change,
+        gardens_have_values_of_their_own,
         large_areas_are_computed_in_tiles,
         options_that_do_not_fit_are_refused
     ]);
@@ -286,6 +288,49 @@ fn points_have_pictures_as_evidence() {
     fs::write(folder.join("pictures/mine.txt"), "dear").unwrap();
     let (code, error) = analyse(folder, run);
     assert!(matches!(code, Some(1 | 2)) && error.contains("did not write"), "{error}");
+}
+
+/// A garden behind the house has less sun than one that lies in the open, and only the rectangle around them is computed.
+fn gardens_have_values_of_their_own() {
+    let folder = baked_city();
+    let folder = folder.path();
+    fs::write(folder.join("rule.toml"), RULE).unwrap();
+    let garden = |x: u32, y: u32| {
+        let ring = [[x, y], [x + 10, y], [x + 10, y + 8], [x, y + 8], [x, y]];
+        serde_json::json!({ "type": "Polygon", "coordinates": [ring] })
+    };
+    // The last one has the northern wall of the house in its middle.
+    let all = [garden(85_005, 447_012), garden(85_005, 447_060), garden(85_005, 447_008)];
+    let all = serde_json::json!({ "type": "GeometryCollection", "geometries": all });
+    fs::write(folder.join("gardens.geojson"), all.to_string()).unwrap();
+    let run = |line: &str| {
+        let line = format!("analyse city {line} --gardens gardens.geojson --out a.tif --json");
+        serde_json::from_str::<Value>(&programs::call(folder, "insula-server", &line).unwrap()).unwrap()
+    };
+    let sun = run("sun --rule rule.toml");
+    let number = |index: usize, name: &str| sun["gardens"][index][name].as_f64().unwrap();
+    // Cells are counted from the corner of the city.
+    let counts = [0, 1, 2].map(|index| number(index, "count"));
+    assert!(
+        (70.0..=80.0).contains(&counts[0]) && counts[1] == 80.0 && (30.0..=45.0).contains(&counts[2]),
+        "{counts:?}"
+    );
+    assert!(number(0, "mean") + 2.0 < number(1, "mean"), "{sun}");
+    assert!(number(0, "share_reaching") < 0.9 && number(1, "share_reaching") == 1.0, "{sun}");
+    assert!(sun["ground"]["count"].as_f64().unwrap() < 700.0, "{sun}");
+    fs::write(folder.join("gone.toml"), GONE).unwrap();
+    let gained = run("sun --rule rule.toml --proposal gone.toml --overwrite");
+    assert!(gained["gardens"][0]["mean"].as_f64().unwrap() > 1.0, "{gained}");
+    fs::write(folder.join("far.geojson"), garden(95_005, 447_012).to_string()).unwrap();
+    for (arguments, words) in [
+        ("sky --gardens far.geojson --out b.tif", "--gardens far.geojson: beyond the city"),
+        ("sky --gardens rule.toml --out b.tif", "--gardens rule.toml"),
+        ("view --from 4.37,52,2 --gardens far.geojson --out b.tif", "--gardens is an option of sun"),
+        ("sun --rule rule.toml --points houses.geojson --gardens far.geojson --out b.csv", "--gardens has no use"),
+    ] {
+        let (code, error) = analyse(folder, arguments);
+        assert!(matches!(code, Some(1 | 2)) && error.contains(words), "{arguments}: {code:?} {error}");
+    }
 }
 
 /// The city has more than 20,000 cells, so that it takes several tiles. Shares of them and a run that was ended are gone on with.

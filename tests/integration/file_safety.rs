@@ -108,6 +108,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server analyse", &["between"], Reads("analyse city view --out new.csv --between {} town.geojson", ".csv")),
     ("insula-server analyse", &["weather"], Reads("analyse city solar --out new.tif --weather {}", ".epw")),
     ("insula-server analyse", &["vista"], Reads("analyse city view --out new.tif --vista {}", ".geojson")),
+    ("insula-server analyse", &["gardens"], Reads("analyse city sky --out new.tif --gardens {}", ".geojson")),
     ("insula-server analyse", &["of"], Reads("analyse city view --height 9 --out new.tif --of {}", ".geojson")),
     ("insula-server analyse", &["proposal"], Reads("analyse city sky AREA --out new.tif --proposal {}", ".toml")),
     ("insula-server analyse", &["out"], Writes("analyse city sky --out {}", ".tif")),

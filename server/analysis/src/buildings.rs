@@ -2,6 +2,7 @@
 
 use crate::surface::{Building, CitySurface, TopKind};
 use crate::walls::WallPoint;
+use insula_export::selection::{SelectedArea, area_around};
 use insula_export::table::{AddedValues, csv_cell};
 use std::io::{self, Write};
 
@@ -97,9 +98,9 @@ pub struct CityValues<'a> {
 }
 
 /// Names of the columns of [`write_table`], in which `{}` stands for what was computed.
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 12] = [
     "object", "identifier", "roof_cells", "roof_{}_least", "roof_{}_mean", "roof_{}_most", "wall_points",
-    "wall_{}_least", "wall_{}_mean", "wall_{}_most", "wall_share_reaching",
+    "wall_{}_least", "wall_{}_mean", "wall_{}_most", "wall_share_reaching", "roof_share_reaching",
 ];
 
 /// What is written of buildings.
@@ -131,9 +132,9 @@ pub fn added_values(city: &CityValues<'_>, columns: Columns<'_>) -> AddedValues 
             let [least, most] = [places.least, places.most].map(|end| (places.count > 0).then_some(f64::from(end)));
             [Some(f64::from(places.count)), least, places.mean(), most]
         };
-        let share = columns.has_asked.then(|| row.walls.share());
+        let shares = columns.has_asked.then(|| [row.walls.share(), row.roof.share()]);
         let of_area = columns.total.map(|_| [row.roof_area_m2, row.roof_total].map(Some));
-        let values = of_places(&row.roof).into_iter().chain(of_places(&row.walls)).chain(share);
+        let values = of_places(&row.roof).into_iter().chain(of_places(&row.walls)).chain(shares.into_iter().flatten());
         let values = values.chain(of_area.into_iter().flatten());
         // Thousandths, as the table has them.
         (row.building.number, values.map(|value| value.map(|value| (value * 1000.0).round() / 1000.0)).collect())
@@ -156,7 +157,8 @@ pub fn write_table(city: &CityValues<'_>, columns: Columns<'_>, out: impl Write)
         let mut cells = vec![row.building.number.to_string(), csv_cell(row.building.identifier.clone(), false)];
         cells.extend(values(&row.roof));
         cells.extend(values(&row.walls));
-        cells.extend(has_asked.then(|| number(row.walls.share())));
+        let shares = has_asked.then(|| [row.walls.share(), row.roof.share()].map(number));
+        cells.extend(shares.into_iter().flatten());
         let of_area = total.map(|_| [row.roof_area_m2, row.roof_total].map(|value| format!("{value:.1}")));
         cells.extend(of_area.into_iter().flatten());
         rows.write_record(cells)?;
@@ -212,6 +214,25 @@ pub fn sum_up<'a>(
     city
 }
 
+/// The values of the ground in an area, whose cells have their middles there.
+#[must_use]
+pub fn ground_within(surface: &CitySurface, tops: &[f32], area: &SelectedArea, asked: Option<f64>) -> PlaceValues {
+    let [low, high] = area_around(area.polygons().iter().flatten().flatten().copied());
+    let cells = |k: usize| {
+        let cell = |at: f64| ((at - surface.corner[k]) / surface.cell_m).clamp(0.0, surface.size()[k] as f64);
+        cell(low[k]).floor() as usize..cell(high[k]).ceil() as usize
+    };
+    let middle = |k: usize, cell: usize| surface.corner[k] + (cell as f64 + 0.5) * surface.cell_m;
+    let mut values = PlaceValues::default();
+    for (y, x) in cells(1).flat_map(|y| cells(0).map(move |x| (y, x))) {
+        let index = y * surface.size()[0] + x;
+        if surface.kind(index).is_ground() && area.contains([middle(0, x), middle(1, y)]) {
+            values.add(tops[index], asked);
+        }
+    }
+    values
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,5 +243,20 @@ mod tests {
         let surface = CitySurface::of_cells([3, 1], [0.0; 2], 0.0, vec![0.0, 0.0, 9.0], &kinds);
         let values = sum_up(&surface, &[1.0, 5.0, 7.0], &[], &[], None);
         assert_eq!((values.ground.count, values.ground.mean(), values.roofs.mean()), (1, Some(1.0), Some(7.0)));
+    }
+
+    #[test]
+    fn a_garden_has_the_ground_in_its_polygon() {
+        let mut kinds = vec![TopKind::Ground; 12];
+        (kinds[5], kinds[6]) = (TopKind::Roof(0), TopKind::Generated);
+        let surface = CitySurface::of_cells([4, 3], [100.0, 200.0], 0.0, vec![0.0; 12], &kinds);
+        let tops: Vec<f32> = (0..12u8).map(f32::from).collect();
+        let within = |ring: [[f64; 2]; 4]| {
+            ground_within(&surface, &tops, &SelectedArea::new(vec![vec![ring.to_vec()]]), Some(2.0))
+        };
+        // The two lower rows but for their last cells: a roof is no garden.
+        let values = within([[99.0, 199.0], [103.0, 199.0], [103.0, 202.0], [99.0, 202.0]]);
+        assert_eq!((values.count, values.mean(), values.share()), (5, Some((1.0 + 2.0 + 4.0 + 6.0) / 5.0), Some(0.6)));
+        assert_eq!(within([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]]).count, 0);
     }
 }

@@ -42,6 +42,10 @@ pub struct AnalyseArgs {
     /// Sheet of paper with the plan of the city under the colours of the values, for a part of a city (--bbox) or a small one
     #[arg(long, value_name = "FILE.pdf")]
     pub pdf: Option<PathBuf>,
+    /// Gardens and other open areas, for the values of the ground in each of them: polygons in a GeoJSON file, in degrees or in metres of the
+    /// city's coordinate system. Without --bbox, only the rectangle around them is computed
+    #[arg(long, value_name = "FILE.geojson")]
+    pub gardens: Option<PathBuf>,
     #[command(flatten)]
     pub area: AreaArgs,
     /// Rule of `sun`: a name or a TOML file

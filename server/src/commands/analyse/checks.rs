@@ -20,6 +20,7 @@ pub(super) fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     if args.vista.is_none() {
         of(args.buildings.is_some(), "--buildings", &[Sun, Sky, Solar])?;
     }
+    of(args.gardens.is_some(), "--gardens", &[Sun, Sky, Solar, Shadow])?;
     of(!args.wall_heights.is_empty(), "--wall-heights", &[Sun, Sky, Solar])?;
     of(args.turbidity.is_some(), "--turbidity", &[Solar])?;
     of(args.weather.is_some(), "--weather", &[Solar])?;
@@ -38,6 +39,7 @@ pub(super) fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     let beside_points = [
         ("--buildings", args.buildings.is_some()),
         ("--pdf", args.pdf.is_some()),
+        ("--gardens", args.gardens.is_some()),
         ("--wall-heights", !args.wall_heights.is_empty()),
         ("--bbox", area),
     ];
@@ -101,7 +103,7 @@ fn name(analysis: Analysis) -> &'static str {
 pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>, read: Vec<PathBuf>) -> Result<(), CommandError> {
     let rule = args.rule.as_ref().map(PathBuf::from).filter(|path| path.is_file());
     let inputs = [Some(&args.city), rule.as_ref(), args.points.as_ref(), args.of.as_ref(), args.vista.as_ref()];
-    let inputs = inputs.into_iter().chain([args.proposal.as_ref(), args.weather.as_ref()]);
+    let inputs = inputs.into_iter().chain([args.proposal.as_ref(), args.weather.as_ref(), args.gardens.as_ref()]);
     let inputs = inputs.flatten().chain(&args.between).chain(&read);
     let mut outputs = Outputs::new(args.overwrite).reading(inputs);
     let kind = match () {

@@ -7,7 +7,9 @@ use super::{Files, Question, sheet};
 use crate::analysis::answer::Answer;
 use crate::analysis::regions::{areas, lon_lat};
 use crate::args::Analysis;
-use insula_analysis::buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table};
+use insula_analysis::buildings::{
+    BuildingValues, CityValues, Columns, PlaceValues, added_values, ground_within, sum_up, write_table,
+};
 use insula_analysis::surface::CitySurface;
 use insula_bake::read::EarthPlace;
 use insula_export::file::export_values;
@@ -37,14 +39,16 @@ pub(super) fn write(
     if let Some(table) = &answer.table {
         let path = question.args.buildings.as_ref();
         path.map_or(Ok(()), |path| output::write(path, table))?;
-        report(question, &answer, None, &written, files);
+        report(question, &answer, None, &[], &written, files);
         return Ok(());
     }
     let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
     if let Some(path) = &question.args.buildings {
         write_buildings(question, &values, &answer, path)?;
     }
-    report(question, &answer, Some(&values), &written, files);
+    let of_garden = |garden| ground_within(surface, &answer.tops, garden, answer.asked);
+    let gardens: Vec<PlaceValues> = question.gardens.iter().map(of_garden).collect();
+    report(question, &answer, Some(&values), &gardens, &written, files);
     Ok(())
 }
 
@@ -53,6 +57,7 @@ pub(super) fn report(
     question: &Question,
     answer: &Answer,
     values: Option<&CityValues<'_>>,
+    gardens: &[PlaceValues],
     written: &Written,
     files: &Files,
 ) {
@@ -66,9 +71,10 @@ pub(super) fn report(
         "roofs": values.map(|values| answer.numbers(&values.roofs)),
         "walls": values.map(|values| answer.numbers(&values.walls)),
         "ground": values.map(|values| answer.numbers(&values.ground)),
+        "gardens": gardens.iter().map(|values| answer.numbers(values)).collect::<Vec<_>>(),
         "attribution": written.attribution,
     });
-    print_result(question.args.json, &facts, &text(question, answer, values, written, files));
+    print_result(question.args.json, &facts, &text(question, answer, (values, gardens), written, files));
 }
 
 /// Writes a table of buildings, as FlatGeobuf with their footprints if its name says so. Fails if it cannot be written.
@@ -159,7 +165,7 @@ pub(super) struct Written {
 fn text(
     question: &Question,
     answer: &Answer,
-    values: Option<&CityValues<'_>>,
+    (values, gardens): (Option<&CityValues<'_>>, &[PlaceValues]),
     written: &Written,
     files: &Files,
 ) -> String {
@@ -174,9 +180,11 @@ fn text(
     lines.extend(files.pdf.iter().map(|path| format!("wrote {}", path.display())));
     lines.extend(answer.notes.iter().map(|note| printable(note).to_string()));
     let parts = values.map(|city| [("roofs", &city.roofs), ("walls", &city.walls), ("ground", &city.ground)]);
-    for (name, part) in parts.into_iter().flatten() {
+    let parts = parts.into_iter().flatten().map(|(name, part)| (name.to_owned(), part));
+    let gardens = (1..).zip(gardens).map(|(number, values)| (format!("garden {number}"), values));
+    for (name, part) in parts.chain(gardens) {
         lines.extend(match answer.is_change {
-            true => change_summary(args.what, answer.column, name, part),
+            true => change_summary(args.what, answer.column, &name, part),
             false => summary(args.what, answer.column, part, answer.asked).map(|summary| format!("{name}: {summary}")),
         });
     }

@@ -15,6 +15,7 @@ mod vista;
 
 use super::error::CommandError;
 use crate::analysis::answer::{Answer, Progress, grown};
+use crate::area_file::polygons_in_city;
 use crate::args::{AnalyseArgs, Analysis};
 use crate::proposal::Proposal;
 use crate::store::{CityStore, StoredCity, StoredObjects};
@@ -27,6 +28,7 @@ use insula_analysis::weather::WeatherYear;
 use insula_archive::file::read_limited;
 use insula_bake::read::EarthPlace;
 use insula_export::raster::CellExtent;
+use insula_export::selection::{SelectedArea, area_around};
 use insula_export::source::ExportSource;
 use insula_export::table::ExportError;
 use progress::AnalysisProgress;
@@ -36,6 +38,7 @@ use tiles::TileGrid;
 
 /// Largest file of weather. A year has 1.5 MB.
 const MAX_WEATHER_BYTES: u64 = 16 << 20;
+const MAX_GARDENS: usize = 100_000;
 
 /// Where an answer is written.
 #[derive(Debug, Clone)]
@@ -61,6 +64,8 @@ struct Question<'a> {
     added: Vec<Vec<[f64; 2]>>,
     /// In place of a year without clouds.
     weather: Option<WeatherYear>,
+    /// Of a polygon each.
+    gardens: Vec<SelectedArea>,
 }
 
 /// Runs `analyse`. Fails if the city cannot be read, an option does not fit, or an output cannot be written.
@@ -82,6 +87,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let on_map = |degrees| place.as_ref()?.box_on_map(degrees);
     let area = args.area.box_in_city(corners, on_map, &|at| place.as_ref()?.lon_lat(at));
     let area = area.map_err(CommandError::Usage)?;
+    let gardens = gardens_of(args, corners, place.as_ref())?;
     let change = proposal.as_ref().map(|proposal| proposal.change(&source, place.as_ref())).transpose()?;
     let both = proposal.as_ref().zip(change.as_ref());
     let after = || both.map(|(proposal, change)| AfterProposal::new(proposal, change, &source)).transpose();
@@ -93,9 +99,10 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     }
     // Corridors are whole.
     let around = change.as_ref().filter(|_| args.vista.is_none());
-    let area = area.or_else(|| Some(grown(around?.area()?, AROUND_M)));
+    let area = area.or_else(|| area_of(&gardens)).or_else(|| Some(grown(around?.area()?, AROUND_M)));
     let extent = CellExtent::of(manifest, area).map_err(failed)?;
-    let mut question = Question { args, source: &source, place: place.as_ref(), extent, added: Vec::new(), weather };
+    let (place, added) = (place.as_ref(), Vec::new());
+    let mut question = Question { args, source: &source, place, extent, added, weather, gardens };
     if change.is_none()
         && let Some(grid) = TileGrid::of(&question, area)?
     {
@@ -115,7 +122,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
         changed = Some((proposal, after));
     }
     if let (Some(path), Some((proposal, after))) = (&args.vista, &changed) {
-        let answer = vista::vista(path, after, place.as_ref(), Some((*proposal, &surface)))?;
+        let answer = vista::vista(path, after, place, Some((*proposal, &surface)))?;
         return write(&question, after, answer, &Files::of(args));
     }
     for (moment, files) in &times {
@@ -180,6 +187,28 @@ impl Question<'_> {
     fn site(&self) -> Result<Site, CommandError> {
         site_of(self.source)
     }
+}
+
+/// The gardens of `--gardens` on the map of a city between two corners. Fails with what is wrong with their file.
+fn gardens_of(
+    args: &AnalyseArgs,
+    city: [[f64; 2]; 2],
+    place: Option<&EarthPlace>,
+) -> Result<Vec<SelectedArea>, CommandError> {
+    let Some(path) = &args.gardens else { return Ok(Vec::new()) };
+    let polygons = polygons_in_city(path, city, place);
+    let polygons = polygons.map_err(|reason| CommandError::Usage(format!("--gardens {reason}")))?;
+    if polygons.len() > MAX_GARDENS {
+        let reason = format!("{} polygons, of which {MAX_GARDENS} fit in one run", polygons.len());
+        return Err(CommandError::Usage(format!("--gardens {}: {reason}", path.display())));
+    }
+    Ok(polygons.into_iter().map(|polygon| SelectedArea::new(vec![polygon])).collect())
+}
+
+/// The rectangle around gardens; `None` without any.
+fn area_of(gardens: &[SelectedArea]) -> Option<[[f64; 2]; 2]> {
+    let points = gardens.iter().flat_map(SelectedArea::polygons).flatten().flatten().copied();
+    (!gardens.is_empty()).then(|| area_around(points))
 }
 
 /// The weather of a file. Fails with what is wrong with it.

@@ -52,9 +52,9 @@ impl TileGrid {
                 None => Ok(None),
             };
         }
-        if args.pdf.is_some() || is_geojson(&args.out) {
+        if args.pdf.is_some() || args.gardens.is_some() || is_geojson(&args.out) {
             return usage(format!(
-                "--pdf and GeoJSON need all cells in memory at once, and {} are more than {most}: choose a part with --bbox",
+                "--pdf, --gardens and GeoJSON need all cells in memory at once, and {} are more than {most}: choose a part with --bbox",
                 read.len()
             ));
         }
@@ -251,7 +251,7 @@ fn write(question: &Question, tiles: &[KeptTile], files: &Files) -> Result<(), C
     if let Some(path) = &args.buildings {
         write_buildings(question, &city, &answer, path)?;
     }
-    report(question, &answer, Some(&city), &written, files);
+    report(question, &answer, Some(&city), &[], &written, files);
     Ok(())
 }
 
