@@ -226,6 +226,8 @@ fn shadows_of_a_day_are_a_file_for_each_time() {
     );
     assert!(folder.join("two-2025-06-21T0900.tif").exists() && folder.join("two-2025-12-21T0900.tif").exists());
     assert!(folder.join("two-2025-06-21T0900.pdf").exists() && folder.join("two-2025-12-21T0900.pdf").exists());
+    // Both together.
+    assert!(fs::read(folder.join("two.pdf")).unwrap().starts_with(b"%PDF"));
 }
 
 /// The house of 9 m stands between the points at its south and at its north; two masts of 15 m look over it.

@@ -22,6 +22,8 @@ const SKY_HEIGHTS_M: [f64; 1] = [EYE_M];
 const SOLAR_HEIGHTS_M: [f64; 1] = [5.0];
 /// Of Linke: the clear air of a temperate country.
 const TURBIDITY: f64 = 3.0;
+/// Column of the number of times at which shadow lies somewhere.
+pub(crate) const TIMES_IN_SHADOW: &str = "times";
 /// Weather from further away has a note.
 const NEAR_KM: f64 = 100.0;
 

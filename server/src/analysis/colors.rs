@@ -1,6 +1,6 @@
 //! Colours of an answer's values, and classes of them.
 
-use super::answer::Answer;
+use super::answer::{Answer, TIMES_IN_SHADOW};
 use crate::args::Analysis;
 use insula_objects::{Legend, LegendEntry, Ramp};
 use insula_protocol::text::fixed;
@@ -26,6 +26,8 @@ const STOPS: [[u8; 3]; 9] = [
 ];
 /// From a plane on upwards.
 const ABOVE: [[u8; 3]; 4] = [[254, 224, 144], [253, 174, 97], [244, 109, 67], [165, 0, 38]];
+/// From always in the sun to never.
+const TIMES: [[u8; 3]; 4] = [[255, 249, 205], [198, 196, 190], [125, 125, 155], SHADOW];
 /// From less over as much as before to more.
 const CHANGES: [[u8; 3]; 5] = [[178, 24, 43], [244, 165, 130], [247, 247, 247], [146, 197, 222], [33, 102, 172]];
 /// Of paper.
@@ -63,6 +65,9 @@ impl Colors {
             Analysis::Sun => Self::ramp(format!("hours of sun{asked}"), highest(answer), &STOPS),
             Analysis::Sky => Self::ramp("share of the sky".to_owned(), 1.0, &STOPS),
             Analysis::Solar => Self::ramp("kWh/m2 a year".to_owned(), highest(answer), &STOPS),
+            Analysis::Shadow if answer.column == TIMES_IN_SHADOW => {
+                Self::ramp("times in shadow".to_owned(), highest(answer), &TIMES)
+            }
             Analysis::Shadow => places(SHADOW, "shadow"),
             Analysis::View => places(SEEN, "seen"),
         }
@@ -94,6 +99,7 @@ impl Colors {
             Analysis::Sun => "hours of sun",
             Analysis::Sky => "share of the sky",
             Analysis::Solar => "kWh/m2 a year",
+            Analysis::Shadow if answer.column == TIMES_IN_SHADOW => "times in shadow",
             Analysis::Shadow => "shadow: 1 is new",
             Analysis::View => "visibility: 1 is newly visible",
         };

@@ -114,6 +114,9 @@ pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>, read: Vec
     if times.is_empty() {
         times.push(Files::of(args));
     }
+    if times.len() > 1 {
+        args.pdf.iter().try_for_each(|path| outputs.file(path, FileKind::PDF)).map_err(CommandError::Usage)?;
+    }
     for Files { out, pdf } in &times {
         outputs.file(out, kind).map_err(CommandError::Usage)?;
         pdf.iter().try_for_each(|path| outputs.file(path, FileKind::PDF)).map_err(CommandError::Usage)?;

@@ -14,6 +14,7 @@ mod view;
 mod vista;
 
 use super::error::CommandError;
+use super::output::print_result;
 use crate::analysis::answer::{Answer, Progress, grown};
 use crate::area_file::polygons_in_city;
 use crate::args::{AnalyseArgs, Analysis};
@@ -33,6 +34,8 @@ use insula_export::source::ExportSource;
 use insula_export::table::ExportError;
 use progress::AnalysisProgress;
 use proposal::{AROUND_M, AfterProposal, between};
+use serde_json::json;
+use shadow::ShadowSum;
 use std::path::{Path, PathBuf};
 use tiles::TileGrid;
 
@@ -125,18 +128,33 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
         let answer = vista::vista(path, after, place, Some((*proposal, &surface)))?;
         return write(&question, after, answer, &Files::of(args));
     }
+    let mut sum = ShadowSum::default();
     for (moment, files) in &times {
         let site = question.site()?;
         let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| shadow::at(surface, &site, moment))?;
+        if args.pdf.is_some() {
+            sum.add(&answer);
+        }
         write(&question, &surface, answer, files)?;
     }
     match args.what {
-        Analysis::Shadow => Ok(()),
+        Analysis::Shadow => write_day(&question, &surface, sum, times.len()),
         _ => {
             let answer = beside(args.what, &mut surface, changed.as_mut(), |surface| question.shown_answer(surface))?;
             write(&question, &surface, answer, &Files::of(args))
         }
     }
+}
+
+/// Writes the sheet of several times together, beside that of each. Fails if it cannot be written.
+fn write_day(question: &Question, surface: &CitySurface, sum: ShadowSum, times: usize) -> Result<(), CommandError> {
+    let Some(path) = question.args.pdf.as_ref().filter(|_| times > 1) else { return Ok(()) };
+    let answer = sum.answer().within(surface, question.extent);
+    sheet::write(question, &answer, surface, path)?;
+    let pdf = path.display().to_string();
+    let text = format!("wrote {pdf} ({})\n", answer.title);
+    print_result(question.args.json, &json!({ "pdf": pdf, "title": answer.title }), &text);
+    Ok(())
 }
 
 /// The answer of a surface, or what it is less after a change. Fails as `ask` does.

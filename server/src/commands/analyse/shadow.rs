@@ -2,7 +2,7 @@
 
 use super::super::error::CommandError;
 use super::Files;
-use crate::analysis::answer::Answer;
+use crate::analysis::answer::{Answer, TIMES_IN_SHADOW};
 use crate::args::AnalyseArgs;
 use insula_analysis::clock::{Moment, TimeSystem};
 use insula_analysis::sun::Site;
@@ -55,4 +55,50 @@ fn moments(args: &AnalyseArgs) -> Result<Vec<Moment>, CommandError> {
 pub(super) fn at(surface: &CitySurface, site: &Site, moment: &Moment) -> Result<Answer, CommandError> {
     let answer = Answer::of_shadow(surface, site, moment);
     answer.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))
+}
+
+/// At how many times shadow lies on each cell, or how many more there are after a proposal.
+#[derive(Default)]
+pub(super) struct ShadowSum {
+    times: usize,
+    /// Titles of the first and the last one.
+    ends: [String; 2],
+    all: Answer,
+}
+
+impl ShadowSum {
+    /// Adds the shadow at a time.
+    pub(super) fn add(&mut self, answer: &Answer) {
+        if self.times == 0 {
+            self.all.is_change = answer.is_change;
+            self.all.tops = vec![0.0; answer.tops.len()];
+            self.ends[0].clone_from(&answer.title);
+        }
+        self.times += 1;
+        self.all.tops.iter_mut().zip(&answer.tops).for_each(|(sum, value)| *sum += value);
+        self.ends[1].clone_from(&answer.title);
+    }
+
+    /// All times together.
+    pub(super) fn answer(self) -> Answer {
+        let [first, last] = self.ends;
+        let notes = vec![format!("first: {first}"), format!("last: {last}")];
+        Answer { title: format!("shadow at {} times", self.times), column: TIMES_IN_SHADOW, notes, ..self.all }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_in_shadow_are_counted() {
+        let mut sum = ShadowSum::default();
+        for (title, tops) in [("nine", vec![1.0, 0.0, f32::NAN]), ("ten", vec![1.0, 1.0, f32::NAN])] {
+            sum.add(&Answer { title: title.to_owned(), tops, ..Answer::default() });
+        }
+        let answer = sum.answer();
+        assert_eq!((&answer.tops[..2], answer.title.as_str()), (&[2.0, 1.0][..], "shadow at 2 times"));
+        assert!(answer.tops[2].is_nan() && answer.notes == ["first: nine", "last: ten"]);
+    }
 }
