@@ -104,7 +104,8 @@ struct Field<'a> {
 
 impl Field<'_> {
     fn part<T: Tally>(&self, lights: &[SunLight]) -> Total<T::Part> {
-        let CitySurface { tops: heights, normals, cell_m, .. } = self.surface;
+        let CitySurface { tops: heights, normals, cell_m, measured, .. } = self.surface;
+        let (places, normals) = measured.as_ref().map_or((heights, normals), |planes| (&planes.tops, &planes.normals));
         let mut tops = Raster::filled(heights.width, heights.height, T::Part::default());
         let mut walls = vec![T::Part::default(); self.points.len()];
         let mut shadows = Shadows::default();
@@ -115,7 +116,7 @@ impl Field<'_> {
             let slope = altitude_deg.to_radians().tan();
             let heading = Heading::of_azimuth(azimuth_deg);
             sweep_shadows(heights, *cell_m, heading, slope, &mut shadows, |row, shadow| {
-                let cells = tops.row_mut(row).iter_mut().zip(heights.row(row).iter().zip(normals.row(row))).zip(shadow);
+                let cells = tops.row_mut(row).iter_mut().zip(places.row(row).iter().zip(normals.row(row))).zip(shadow);
                 cells.for_each(|((part, (top, normal)), shadow)| {
                     let light = if *shadow <= top + TOLERANCE_M { faces[usize::from(*normal)] } else { 0.0 };
                     T::add(part, light, moment);

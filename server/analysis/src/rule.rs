@@ -93,6 +93,8 @@ pub struct Rule {
     pub mode: CountMode,
     /// Heights above the ground in metres at which walls are measured.
     pub wall_heights_m: Vec<f64>,
+    /// Height above the ground in metres at which the ground is measured.
+    pub ground_height_m: f64,
     pub measure: Measure,
     /// What the rule asks for, in hours or percent; `None` if it asks for a diagram only.
     pub asked: Option<f64>,
@@ -121,6 +123,8 @@ struct RuleFile {
     #[serde(default)]
     mode: CountMode,
     wall_heights_m: Option<Vec<f64>>,
+    #[serde(default)]
+    ground_height_m: f64,
     asked_hours: Option<f64>,
     /// `hours`, or `probable-sunlight`.
     #[serde(default)]
@@ -172,6 +176,9 @@ impl Rule {
         if wall_heights_m.len() > 16 || !wall_heights_m.iter().all(is_height) {
             return wrong("wall_heights_m: at most 16 heights of 0 to 1000 m");
         }
+        if !is_height(&file.ground_height_m) {
+            return wrong("ground_height_m: 0 to 1000 m");
+        }
         let (measure, asked) = measure(&file)?;
         let is_share = matches!(measure, Measure::ProbableSunlight(_));
         let time = TimeSystem::parse(file.time.as_deref().unwrap_or("true-solar"));
@@ -187,6 +194,7 @@ impl Rule {
             step_minutes,
             mode: file.mode,
             wall_heights_m,
+            ground_height_m: file.ground_height_m,
             measure,
             asked,
         })
@@ -305,6 +313,7 @@ mod tests {
             ("days = [\"06-21\"]\ntime = \"9\"", "true-solar"),
             ("days = [\"06-21\"]\ntime = \"+25:00\"", "true-solar"),
             ("days = [\"06-21\"]\nwall_heights_m = [-1]", "wall_heights_m"),
+            ("days = [\"06-21\"]\nground_height_m = nan", "ground_height_m"),
             ("days = [\"06-21\"]\nasked_hours = 0", "asked_hours"),
             ("days = [\"06-21\"]\nasked_percent = 5", "measure"),
             ("days = [\"06-21\"]\nmeasure = \"probable-sunlight\"\nasked_hours = 5", "measure"),

@@ -63,6 +63,7 @@ fn count<T: Tally>(
     progress: &(dyn Fn(f64) -> bool + Sync),
 ) -> SunHours {
     let points = wall_points(surface, &rule.wall_heights_m);
+    surface.measure_above_ground(rule.ground_height_m);
     let mut all = DayValues { mode: rule.day_mode, tops: Vec::new(), walls: Vec::new() };
     for (i, (day, weight)) in rule.days.iter().zip(day_weights(site, rule)).enumerate() {
         if i > 0 && !progress(i as f64 / rule.days.len() as f64) {
@@ -74,6 +75,7 @@ fn count<T: Tally>(
         let value = |tally: T| (f64::from(tally.value()) * rule.step_minutes / 60.0 * weight) as f32;
         all.add(tops.into_iter().map(value), walls.into_iter().map(value));
     }
+    surface.measure_above_ground(0.0);
     let DayValues { mut tops, walls, .. } = all;
     for (index, value) in tops.iter_mut().enumerate() {
         if !surface.is_known(index) {
@@ -162,6 +164,20 @@ mod tests {
         assert!(of_side(0.0).len() == 10 && of_side(0.0).iter().all(|hours| *hours < 0.4), "{:?}", of_side(0.0));
         assert!(of_side(180.0).iter().all(|hours| *hours > 11.0), "{:?}", of_side(180.0));
         assert!(of_side(90.0).len() == 8 && of_side(90.0).iter().all(|hours| (5.0..7.0).contains(hours)));
+    }
+
+    /// North of a wall of 12 m, a plane of 8 m is as far below its top as the ground is below that of a wall of 4 m.
+    #[test]
+    fn the_ground_is_measured_at_the_height_of_the_rule() {
+        let at = |wall_m: f32, lines: &str| {
+            let mut surface = surface(60, 60, |_, y| if (20..24).contains(&y) { wall_m } else { 0.0 });
+            let rule = rule(&format!("days = [\"12-21\"]\nstep_minutes = 10\n{lines}"));
+            let hours = sun_hours(&mut surface, &DELFT, &rule, &|_| true);
+            assert!(surface.measured.is_none() && hours.tops[22 * 60 + 30] > 7.0, "roofs have all of the sun");
+            [26, 30, 44].map(|y| hours.tops[y * 60 + 30])
+        };
+        assert_eq!(at(12.0, "ground_height_m = 8"), at(4.0, ""));
+        assert!(at(12.0, "")[2] < at(4.0, "")[2]);
     }
 
     #[test]

@@ -72,6 +72,13 @@ pub struct Building {
     pub identifier: String,
 }
 
+/// Planes above the ground, and the tops of all else.
+#[derive(Debug, Clone)]
+pub(crate) struct MeasuredPlanes {
+    pub(crate) tops: Raster<f32>,
+    pub(crate) normals: Raster<u16>,
+}
+
 /// The tops of the cells of a part of a city, row by row from the south-west.
 #[derive(Debug, Clone)]
 pub struct CitySurface {
@@ -86,6 +93,8 @@ pub struct CitySurface {
     pub(crate) tops: Raster<f32>,
     /// Octahedral codes of the normals of the tops.
     pub(crate) normals: Raster<u16>,
+    /// Where light is measured, if not at the tops.
+    pub(crate) measured: Option<MeasuredPlanes>,
     kinds: Kinds,
     /// Indices of the cells with a wall below their tops, ascending, with the direction of its normal in 1/256 turns, 0 east, 64 north.
     walls: Vec<(u32, u8)>,
@@ -112,6 +121,7 @@ impl CitySurface {
             base_m: manifest.origin[2],
             tops: Raster::filled(width, height, f32::NEG_INFINITY),
             normals: Raster::filled(width, height, up()),
+            measured: None,
             kinds: Kinds::default(),
             walls: Vec::new(),
             buildings: Vec::new(),
@@ -147,6 +157,7 @@ impl CitySurface {
             base_m,
             normals: Raster::filled(size[0] as usize, size[1] as usize, up()),
             tops: Raster { width: size[0] as usize, height: size[1] as usize, values: tops },
+            measured: None,
             kinds: Kinds::new(
                 size[0] as usize,
                 kinds.chunks(size[0] as usize).map(|row| row.iter().map(|kind| kind.code()).collect::<Vec<u32>>()),
@@ -241,6 +252,24 @@ impl CitySurface {
     pub(crate) fn turn(&mut self) {
         self.tops = self.tops.transposed();
         self.normals = self.normals.transposed();
+        if let Some(MeasuredPlanes { tops, normals }) = &mut self.measured {
+            (*tops, *normals) = (tops.transposed(), normals.transposed());
+        }
+    }
+
+    /// Measures the light of the ground on level planes so many metres above it; of 0, on the ground itself.
+    pub(crate) fn measure_above_ground(&mut self, metres: f64) {
+        self.measured = (metres > 0.0).then(|| {
+            let (mut tops, mut normals) = (self.tops.clone(), self.normals.clone());
+            for y in 0..tops.height {
+                let cells = tops.row_mut(y).iter_mut().zip(normals.row_mut(y)).zip(self.kinds_of_row(y));
+                cells.filter(|(_, kind)| kind.is_ground()).for_each(|((top, normal), _)| {
+                    *top += metres as f32;
+                    *normal = up();
+                });
+            }
+            MeasuredPlanes { tops, normals }
+        });
     }
 
     /// Columns and rows.

@@ -79,12 +79,14 @@ impl Default for Answer {
 impl Answer {
     pub(crate) fn of_sun(surface: &mut CitySurface, site: &Site, rule: Rule, progress: Progress<'_>) -> Self {
         let hours = sun_hours(surface, site, &rule, progress);
+        let height = rule.ground_height_m;
+        let above = (height > 0.0).then(|| format!("hours of the ground are those of planes {height} m above it"));
         Self {
             tops: hours.tops,
             points: hours.wall_points,
             walls: hours.walls,
             asked: rule.asked,
-            notes: notes_of(&rule),
+            notes: notes_of(&rule).into_iter().chain(above).collect(),
             title: rule.title,
             column: rule.measure.unit(),
             ..Self::default()
