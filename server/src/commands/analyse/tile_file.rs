@@ -19,7 +19,7 @@ const VALUE_BYTES: u64 = 4;
 const MAX_OPEN: usize = 64;
 
 /// The values of a tile, and what they say.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct FinishedTile {
     pub(super) title: String,
     pub(super) column: String,
@@ -33,6 +33,15 @@ pub(super) struct FinishedTile {
 }
 
 impl FinishedTile {
+    /// A tile of so many cells where nothing was baked, which says nothing.
+    pub(super) fn without_values(cells: usize) -> Self {
+        Self { cells: vec![f32::NAN; cells], ..Self::default() }
+    }
+
+    pub(super) fn has_no_values(&self) -> bool {
+        self.title.is_empty()
+    }
+
     /// The bytes of a file.
     pub(super) fn encode(&self) -> Vec<u8> {
         // Texts and finite numbers are always JSON.
@@ -155,6 +164,8 @@ mod tests {
             std::fs::write(&path, &bytes[..length]).unwrap();
             assert_eq!(FinishedTile::read(&path, extent), None, "{length}");
         }
+        std::fs::write(&path, FinishedTile::without_values(2).encode()).unwrap();
+        assert!(FinishedTile::read(&path, extent).is_some_and(|tile| tile.has_no_values()));
         let mut other = bytes;
         other[TILE_MARK.len() + 20] ^= 1;
         std::fs::write(&path, &other).unwrap();

@@ -207,6 +207,12 @@ fn compute_tile(
     let around = args.reach.max(f64::from(BORDER_CELLS) * manifest.cell_m);
     let surface = CitySurface::read(question.source, Some(grown(area, around)));
     let mut surface = surface.map_err(|error| CommandError::file(&args.city, error))?;
+    let rows = (tile.min[1]..tile.min[1] + tile.size[1])
+        .flat_map(|y| (tile.min[0]..tile.min[0] + tile.size[0]).map(move |x| [x, y]));
+    let indices: Vec<usize> = rows.map(|cell| surface.extent.index(cell)).collect();
+    if !indices.iter().any(|index| surface.is_known(*index)) {
+        return Ok(FinishedTile::without_values(indices.len()));
+    }
     let answer = match moment {
         Some(moment) => shadow::at(&surface, &question.site()?, moment)?,
         None => question.answer(&mut surface, progress)?,
@@ -214,8 +220,6 @@ fn compute_tile(
     let answer = answer.within(&surface, tile);
     let values = PartValues::of(&sum_up(&surface, &answer.tops, &answer.points, &answer.walls, answer.asked));
     let Answer { title, column, asked, total, notes, .. } = &answer;
-    let rows = (tile.min[1]..tile.min[1] + tile.size[1])
-        .flat_map(|y| (tile.min[0]..tile.min[0] + tile.size[0]).map(move |x| [x, y]));
     Ok(FinishedTile {
         title: title.clone(),
         column: (*column).to_owned(),
@@ -223,7 +227,7 @@ fn compute_tile(
         total: total.map(str::to_owned),
         notes: notes.clone(),
         values,
-        cells: rows.map(|cell| answer.tops[surface.extent.index(cell)]).collect(),
+        cells: indices.into_iter().map(|index| answer.tops[index]).collect(),
     })
 }
 
@@ -235,6 +239,9 @@ fn write(question: &Question, tiles: &[KeptTile], files: &Files) -> Result<(), C
     for tile in tiles {
         let lost = || CommandError::file(&tile.path, "it was changed or removed meanwhile; run the command again");
         let found = FinishedTile::read(&tile.path, tile.extent).ok_or_else(lost)?;
+        if found.has_no_values() {
+            continue;
+        }
         let columns = found.columns().ok_or_else(lost)?;
         (answer.column, answer.total) = columns;
         (answer.title, answer.asked, answer.notes) = (found.title, found.asked, found.notes);
