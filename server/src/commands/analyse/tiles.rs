@@ -207,11 +207,8 @@ fn compute_tile(
     let around = args.reach.max(f64::from(BORDER_CELLS) * manifest.cell_m);
     let surface = CitySurface::read(question.source, Some(grown(area, around)));
     let mut surface = surface.map_err(|error| CommandError::file(&args.city, error))?;
-    let rows = (tile.min[1]..tile.min[1] + tile.size[1])
-        .flat_map(|y| (tile.min[0]..tile.min[0] + tile.size[0]).map(move |x| [x, y]));
-    let indices: Vec<usize> = rows.map(|cell| surface.extent.index(cell)).collect();
-    if !indices.iter().any(|index| surface.is_known(*index)) {
-        return Ok(FinishedTile::without_values(indices.len()));
+    if !indices(surface.extent, tile).any(|index| surface.is_known(index)) {
+        return Ok(FinishedTile::without_values(tile.len() as usize));
     }
     let answer = match moment {
         Some(moment) => shadow::at(&surface, &question.site()?, moment)?,
@@ -227,8 +224,15 @@ fn compute_tile(
         total: total.map(str::to_owned),
         notes: notes.clone(),
         values,
-        cells: indices.into_iter().map(|index| answer.tops[index]).collect(),
+        cells: indices(surface.extent, tile).map(|index| answer.tops[index]).collect(),
     })
+}
+
+/// Indices in `all` of the cells of a part of it, row by row from the south.
+fn indices(all: CellExtent, part: CellExtent) -> impl Iterator<Item = usize> {
+    let columns = part.min[0]..part.min[0] + part.size[0];
+    let rows = part.min[1]..part.min[1] + part.size[1];
+    rows.flat_map(move |y| columns.clone().map(move |x| all.index([x, y])))
 }
 
 /// Writes what was asked for from the tiles.
