@@ -8,7 +8,7 @@ use insula_objects::Schema;
 use insula_objects::search::SearchHit;
 use insula_protocol::text::printable;
 use insula_viewer::objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects};
-use insula_viewer::source::{FetchError, TileSource, WITHOUT_OBJECTS};
+use insula_viewer::source::{FetchError, ObjectSource, WITHOUT_OBJECTS};
 use std::sync::Arc;
 
 /// The objects of a city, fetched while the caller waits.
@@ -78,7 +78,7 @@ impl ObjectStyleArgs {
 
 impl ObjectLookup {
     /// Fetches the schema. Fails if the city has no objects, or if they cannot be fetched.
-    pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Self> {
+    pub fn open(http: &Arc<Http>, source: Arc<dyn ObjectSource>, origin: [f64; 3]) -> Result<Self> {
         let place = source.location().to_owned();
         let reason = if source.opens_objects() { "the city has no objects: bake it again" } else { WITHOUT_OBJECTS };
         let opened = http.block_on(CityObjects::open(source, origin)).map_err(|error| fetch_error(&place, &error))?;
@@ -146,7 +146,7 @@ mod tests {
     use insula_objects::{FeatureKind, ObjectBounds, ObjectRecord, Value, block};
     use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
     use insula_viewer::scene::TileKey;
-    use insula_viewer::source::PendingTile;
+    use insula_viewer::source::{PendingTile, TileSource};
 
     /// A building of two parts, which alone have shapes and roofs, and a year.
     struct House {
@@ -181,6 +181,8 @@ mod tests {
         }
     }
 
+    impl ObjectSource for House {}
+
     /// What a link for an area opens.
     struct Area;
 
@@ -189,12 +191,14 @@ mod tests {
             Box::pin(async { Err(FetchError::Missing) })
         }
 
-        fn opens_objects(&self) -> bool {
-            false
-        }
-
         fn location(&self) -> &str {
             "area"
+        }
+    }
+
+    impl ObjectSource for Area {
+        fn opens_objects(&self) -> bool {
+            false
         }
     }
 

@@ -19,7 +19,7 @@ use insula_viewer::collision::CitySolids;
 use insula_viewer::frame::{FrameData, RenderSettings};
 use insula_viewer::objects::ObjectStyles;
 use insula_viewer::scene::{SceneTree, TreeNode};
-use insula_viewer::source::TileSource;
+use insula_viewer::source::ObjectSource;
 use insula_viewer::streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -62,7 +62,7 @@ pub struct Session {
     /// URL for view links; empty if the city has none.
     address: String,
     /// Where attributes come from.
-    object_source: Option<(Arc<Http>, Arc<dyn TileSource>)>,
+    object_source: Option<(Arc<Http>, Arc<dyn ObjectSource>)>,
     proposal: Option<ShownProposal>,
 }
 
@@ -140,7 +140,7 @@ impl Session {
     }
 
     /// The same session, whose objects' attributes come from `source`.
-    pub fn with_objects(self, http: Arc<Http>, source: Arc<dyn TileSource>) -> Self {
+    pub fn with_objects(self, http: Arc<Http>, source: Arc<dyn ObjectSource>) -> Self {
         Self { object_source: Some((http, source)), ..self }
     }
 

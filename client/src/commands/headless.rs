@@ -48,7 +48,7 @@ pub fn open_session(
     });
     let mut city = connect(&http, place, global)?;
     let proposal = proposal::open(proposal, &http, &mut city)?;
-    let downloads = BackgroundFetcher::downloads(Arc::clone(&http), Arc::clone(&city.source), INITIAL_REQUESTS, None);
+    let downloads = BackgroundFetcher::downloads(Arc::clone(&http), city.source.clone(), INITIAL_REQUESTS, None);
     let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
     let session = Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)?;
     session.with_address(city.address).with_objects(http, city.source).with_proposal(proposal)

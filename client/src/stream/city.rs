@@ -15,7 +15,7 @@ use insula_protocol::route::{self, CITIES, without_secrets};
 use insula_protocol::text::printable;
 use insula_viewer::scene::tile::retry_delay;
 use insula_viewer::source::server::ServerSource;
-use insula_viewer::source::{FetchError, TileSource, Transport, web_folder};
+use insula_viewer::source::{FetchError, ObjectSource, Transport, web_folder};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -34,7 +34,7 @@ pub struct OpenedCity {
     pub address: String,
     /// Checked manifest.
     pub manifest: Manifest,
-    pub source: Arc<dyn TileSource>,
+    pub source: Arc<dyn ObjectSource>,
 }
 
 /// Options of [`open_city`].
@@ -143,7 +143,7 @@ impl CityOpener<'_> {
         }
     }
 
-    fn with_disk_cache(&self, address: String, manifest: Manifest, source: Arc<dyn TileSource>) -> OpenedCity {
+    fn with_disk_cache(&self, address: String, manifest: Manifest, source: Arc<dyn ObjectSource>) -> OpenedCity {
         let source = match &self.options.disk_cache {
             Some(folder) => Arc::new(CachedCity::new(source, folder.clone(), &address, &manifest)),
             None => source,

@@ -10,7 +10,7 @@ use insula_objects::search::SearchHit;
 use insula_protocol::text::printable;
 use insula_protocol::{Manifest, TileGroup, TileKind};
 use insula_viewer::scene::TileKey;
-use insula_viewer::source::{BoxFuture, FetchError, PendingGroup, PendingTile, TileSource};
+use insula_viewer::source::{BoxFuture, FetchError, ObjectSource, PendingGroup, PendingTile, TileSource};
 use std::io;
 use std::sync::{Arc, Once};
 
@@ -45,14 +45,14 @@ fn check_writable(cache: &DiskCache) -> io::Result<()> {
 
 /// A city whose tiles are read from a disk cache first.
 pub struct CachedCity {
-    inner: Arc<dyn TileSource>,
+    inner: Arc<dyn ObjectSource>,
     cache: Arc<DiskCache>,
     prefix: String,
 }
 
 impl CachedCity {
     /// Tiles of the city of `manifest` at the URL `address`, from `cache` or else from `inner`.
-    pub fn new(inner: Arc<dyn TileSource>, cache: Arc<DiskCache>, address: &str, manifest: &Manifest) -> Self {
+    pub fn new(inner: Arc<dyn ObjectSource>, cache: Arc<DiskCache>, address: &str, manifest: &Manifest) -> Self {
         let Manifest { name, version, .. } = manifest;
         Self { inner, cache, prefix: format!("{name}-{version}-{}", origin_hash(address)) }
     }
@@ -106,6 +106,12 @@ impl TileSource for CachedCity {
         self.cache.remove(&self.cache_key(key));
     }
 
+    fn location(&self) -> &str {
+        self.inner.location()
+    }
+}
+
+impl ObjectSource for CachedCity {
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
         self.inner.search(query, limit)
     }
@@ -116,10 +122,6 @@ impl TileSource for CachedCity {
 
     fn opens_objects(&self) -> bool {
         self.inner.opens_objects()
-    }
-
-    fn location(&self) -> &str {
-        self.inner.location()
     }
 }
 
@@ -137,12 +139,14 @@ mod tests {
             Box::pin(async { Err(FetchError::Missing) })
         }
 
-        fn opens_objects(&self) -> bool {
-            false
-        }
-
         fn location(&self) -> &str {
             "nowhere"
+        }
+    }
+
+    impl ObjectSource for Nowhere {
+        fn opens_objects(&self) -> bool {
+            false
         }
     }
 

@@ -13,7 +13,7 @@ use insula_protocol::manifest::CityMarks;
 use insula_protocol::release::SharedCity;
 use insula_protocol::{Manifest, TileKind};
 use insula_viewer::source::archive::{ArchivedCity, open_index, to_read_error};
-use insula_viewer::source::{FetchError, TileSource};
+use insula_viewer::source::{FetchError, ObjectSource};
 use std::fmt::Display;
 use std::io::{ErrorKind, Read};
 use std::ops::Range;
@@ -30,7 +30,7 @@ struct FolderArchive {
 }
 
 /// The city in `folder`, in the version of its manifest.
-pub fn open(folder: &Path, manifest: &Manifest, http: &Arc<Http>) -> impl TileSource + 'static {
+pub fn open(folder: &Path, manifest: &Manifest, http: &Arc<Http>) -> impl ObjectSource + 'static {
     let file = |folder: &Path, kind: TileKind| -> SharedSource {
         Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
     };

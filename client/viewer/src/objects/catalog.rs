@@ -1,7 +1,7 @@
 //! The objects of a city from the source of its tiles: schema and blocks, fetched when they are needed and kept in bounds.
 
 use crate::scene::TileKey;
-use crate::source::{FetchError, TileSource};
+use crate::source::{FetchError, ObjectSource, TileSource};
 use insula_objects::filter::FilteredObjects;
 use insula_objects::search::SearchHit;
 use insula_objects::{ObjectBlock, ObjectRecord, Schema};
@@ -16,7 +16,7 @@ const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(256).unwrap();
 
 /// The objects of one city.
 pub struct CityObjects {
-    source: Arc<dyn TileSource>,
+    source: Arc<dyn ObjectSource>,
     schema: Schema,
     /// World coordinates of the city's origin, in metres.
     origin: [f64; 3],
@@ -26,7 +26,7 @@ pub struct CityObjects {
 impl CityObjects {
     /// Fetches the schema of the city whose origin has the world coordinates `origin`. `None` if the city has no objects. Fails if
     /// it cannot be fetched or is damaged.
-    pub async fn open(source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Option<Self>, FetchError> {
+    pub async fn open(source: Arc<dyn ObjectSource>, origin: [f64; 3]) -> Result<Option<Self>, FetchError> {
         let Some(content) = fetch(&*source, TileKey::objects(SCHEMA_ID)).await? else { return Ok(None) };
         let schema: Schema = serde_json::from_slice(&content)
             .map_err(|_| FetchError::Damaged(DecodeError::Invalid("the schema of the objects is not JSON")))?;

@@ -1,6 +1,6 @@
 //! A city's archives in a folder or on a plain host. Its index of texts is read in one piece at the first search.
 
-use super::{BoxFuture, PendingGroup, PendingTile, Shareable, TileSource};
+use super::{BoxFuture, ObjectSource, PendingGroup, PendingTile, Shareable, TileSource};
 use crate::scene::TileKey;
 use crate::source::FetchError;
 use bytes::Bytes;
@@ -74,12 +74,14 @@ impl<R: Fn() -> PendingIndex + Shareable> TileSource for ArchivedCity<R> {
         true
     }
 
-    fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
-        Box::pin(async move { Ok(self.index().await?.map(|index| index.search(query, limit))) })
-    }
-
     fn location(&self) -> &str {
         &self.location
+    }
+}
+
+impl<R: Fn() -> PendingIndex + Shareable> ObjectSource for ArchivedCity<R> {
+    fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
+        Box::pin(async move { Ok(self.index().await?.map(|index| index.search(query, limit))) })
     }
 }
 

@@ -39,7 +39,7 @@ pub type PendingTile<'a> = BoxFuture<'a, Result<Bytes, FetchError>>;
 /// Future of the tiles of a group, in the order of the keys that were asked for; `None` for a tile that must be fetched by itself.
 pub type PendingGroup<'a> = BoxFuture<'a, Result<Vec<Option<Bytes>>, FetchError>>;
 
-/// What to say where [`TileSource::opens_objects`] is false.
+/// What to say where [`ObjectSource::opens_objects`] is false.
 pub const WITHOUT_OBJECTS: &str =
     "this link opens an area without objects: ids, filters and colours need a link for the whole city";
 
@@ -69,6 +69,13 @@ pub trait TileSource: Shareable {
     /// Called when a tile from this source was damaged.
     fn forget(&self, _key: TileKey) {}
 
+    /// URL or folder of the city, for messages.
+    fn location(&self) -> &str;
+}
+
+/// A source that also answers questions about the objects of its city. Apart from their tiles, because what only draws needs no code
+/// for it.
+pub trait ObjectSource: TileSource {
     /// The objects whose texts match `query`, the best first, at most `limit`; `None` if the city has no search.
     fn search<'a>(
         &'a self,
@@ -87,12 +94,15 @@ pub trait TileSource: Shareable {
     fn opens_objects(&self) -> bool {
         true
     }
-
-    /// URL or folder of the city, for messages.
-    fn location(&self) -> &str;
 }
 
 impl std::fmt::Debug for dyn TileSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.location())
+    }
+}
+
+impl std::fmt::Debug for dyn ObjectSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.location())
     }

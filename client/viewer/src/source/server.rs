@@ -1,6 +1,6 @@
 //! Tiles from an Insula server.
 
-use super::{BoxFuture, PendingGroup, PendingTile, TileSource, Transport};
+use super::{BoxFuture, ObjectSource, PendingGroup, PendingTile, TileSource, Transport};
 use crate::scene::TileKey;
 use crate::source::FetchError;
 use bytes::Bytes;
@@ -87,6 +87,12 @@ impl TileSource for ServerSource {
         !self.lacks_groups.load(Ordering::Relaxed)
     }
 
+    fn location(&self) -> &str {
+        &self.base
+    }
+}
+
+impl ObjectSource for ServerSource {
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
         let url = self.url_with_text(&route::search(&self.name, &self.version), "q", query, &format!("&limit={limit}"));
         Box::pin(async move {
@@ -116,10 +122,6 @@ impl TileSource for ServerSource {
         // `s1.KEY.CITY.VERSION.EXPIRY.SCOPE.MAC`, where a scope with an area has its corners.
         let link = percent_decode_str(&self.query).decode_utf8_lossy();
         link.rsplit('.').nth(1).is_none_or(|scope| !scope.contains('~'))
-    }
-
-    fn location(&self) -> &str {
-        &self.base
     }
 }
 

@@ -1,7 +1,7 @@
 //! A baked city's folder on any host that answers ranges: a web server, a bucket, a CDN.
 
 use super::archive::{ArchivedCity, open_index, to_read_error};
-use super::{RangeResponse, TileSource, Transport};
+use super::{ObjectSource, RangeResponse, Transport};
 use crate::source::FetchError;
 use bytes::Bytes;
 use insula_archive::city::{MAX_SEARCH_BYTES, SEARCH_FILE};
@@ -23,7 +23,7 @@ struct WebArchive {
 }
 
 /// The city at `base`, an address without a slash at its end, in the version of its manifest.
-pub fn open(base: &str, manifest: &Manifest, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
+pub fn open(base: &str, manifest: &Manifest, http: &Arc<dyn Transport>) -> impl ObjectSource + 'static {
     let (version, marks) = (&manifest.version, manifest.marks);
     let file = |folder: &str, version: &str, kind: TileKind| -> SharedSource {
         // The version keeps caches on the way from answering with files of another bake.

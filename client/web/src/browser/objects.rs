@@ -6,7 +6,7 @@ use super::viewer::{CityViewer, json, to_js};
 use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
 use insula_viewer::objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects};
-use insula_viewer::source::{FetchError, TileSource, WITHOUT_OBJECTS};
+use insula_viewer::source::{FetchError, ObjectSource, WITHOUT_OBJECTS};
 use js_sys::{JSON, Promise, Reflect};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ const MAX_HITS: usize = 100;
 #[wasm_bindgen]
 #[derive(Clone)]
 pub struct ObjectReader {
-    source: Arc<dyn TileSource>,
+    source: Arc<dyn ObjectSource>,
     origin: [f64; 3],
     /// `None` until the first use.
     opened: Rc<Mutex<Option<Rc<CityObjects>>>>,

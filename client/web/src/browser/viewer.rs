@@ -25,7 +25,7 @@ use insula_viewer::interaction::measure::MeasureTool;
 use insula_viewer::projection::ray_direction;
 use insula_viewer::scene::SceneTree;
 use insula_viewer::source::server::ServerSource;
-use insula_viewer::source::{TileSource, Transport, web_folder};
+use insula_viewer::source::{ObjectSource, Transport, web_folder};
 use insula_viewer::streamer::{Downloads, FrameRequest, Streamer};
 use insula_viewer::sun::{Daylight, SunOptions, parse_time};
 use insula_viewer::switching::SwitchDistances;
@@ -47,7 +47,7 @@ const TAU_PX: [f64; 2] = [0.25, 16.0];
 #[wasm_bindgen]
 pub struct CityViewer {
     host: Host,
-    pub(crate) source: Arc<dyn TileSource>,
+    pub(crate) source: Arc<dyn ObjectSource>,
     pub(crate) streamer: Streamer<BrowserFetcher>,
     pub(crate) renderer: Renderer,
     pub(crate) control: CameraControl,
@@ -94,7 +94,7 @@ impl CityViewer {
         let options: ViewerOptions = serde_json::from_str(options).map_err(to_js)?;
         let manifest = parse_manifest(options.manifest.as_bytes()).map_err(to_js)?;
         let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host.clone()));
-        let source: Arc<dyn TileSource> = if options.is_folder {
+        let source: Arc<dyn ObjectSource> = if options.is_folder {
             Arc::new(web_folder::open(&options.base, &manifest, &transport))
         } else {
             Arc::new(ServerSource::new(transport, &options.base, &options.query, &manifest))
@@ -317,7 +317,7 @@ impl CityViewer {
 
 fn open_streamer(
     host: &Host,
-    source: &Arc<dyn TileSource>,
+    source: &Arc<dyn ObjectSource>,
     manifest: Manifest,
     pages: u32,
 ) -> Streamer<BrowserFetcher> {
