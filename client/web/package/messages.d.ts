@@ -1,4 +1,4 @@
-/** Messages between the element and its engine. Made from client/web/src by a test. */
+/** Messages between the element and its engine. Made from client/web/host/src by a test. */
 
 /**
  * How a viewer begins.

@@ -1,9 +1,10 @@
 /** What owns a viewer in a worker: takes messages of the page, runs the frame loop, and reports. */
 
 import init, { CityViewer } from './insula_web.js';
+import initObjects, { ObjectReader } from './insula_web_objects.js';
 import { captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
-import { Network, compileViewer, fetchShaders, locate } from './network.js';
+import { Network, compileObjects, compileViewer, fetchShaders, locate } from './network.js';
 
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
@@ -28,7 +29,8 @@ export class Engine {
   #makeScreen;
   #network = new Network();
   /** @type {CityViewer} */ #viewer;
-  /** @type {import('./insula_web.js').ObjectReader} */ #objects;
+  /** Where the city is, and its manifest. @type {{manifest: string, base: string, isFolder: boolean, query: string}} */ #city;
+  /** What reads its objects; `null` before the first question. @type {Promise<ObjectReader>|null} */ #objects = null;
   /** @type {Helpers} */ #helpers;
   /** @type {Screen} */ #screen;
   /** @type {any} */ #options;
@@ -75,7 +77,7 @@ export class Engine {
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
     this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
-    this.#objects = this.#viewer.objects();
+    this.#city = city;
     this.manifest = JSON.parse(city.manifest);
     const early = this.#early;
     this.#early = null;
@@ -326,26 +328,43 @@ export class Engine {
     reply(id, probe().then((word) => this.#viewer.objectOf(word) ?? null));
   }
 
+  /** What reads the objects. Its module is fetched at the first question, and again if that failed. @returns {Promise<ObjectReader>} */
+  #reader() {
+    this.#objects ??= this.#openObjects().catch((error) => {
+      this.#objects = null;
+      throw error;
+    });
+    return this.#objects;
+  }
+
+  async #openObjects() {
+    await initObjects({ module_or_path: await compileObjects() });
+    const { manifest, base, isFolder, query } = this.#city;
+    return new ObjectReader(this.#host(), manifest, base, isFolder, query);
+  }
+
   describe({ id, object }) {
     const named = [...this.#named.values()].find((known) => known.id === object);
-    reply(id, named ? Promise.resolve(named) : this.#objects.describe(object).then(parsed));
+    reply(id, named ? Promise.resolve(named) : this.#reader().then((reader) => reader.describe(object)).then(parsed));
   }
 
   search({ id, text, limit }) {
-    reply(id, this.#objects.search(text, limit).then(parsed));
+    reply(id, this.#reader().then((reader) => reader.search(text, limit)).then(parsed));
   }
 
   schema({ id }) {
-    reply(id, this.#objects.schema().then(parsed));
+    reply(id, this.#reader().then((reader) => reader.schema()).then(parsed));
   }
 
   colors({ id, rules }) {
     const number = ++this.#colorings;
     const color = async () => {
-      const made = await this.#objects.styles(JSON.stringify(rules));
+      const reader = await this.#reader();
+      const made = await reader.styles(JSON.stringify(rules));
       const message = parsed(made.message());
       // A later change is not undone by an earlier one that took longer.
-      if (number === this.#colorings) this.#viewer.setStyles(made);
+      if (number === this.#colorings) this.#viewer.setStyles(made.words());
+      made.free();
       this.wake();
       return message;
     };

@@ -149,8 +149,19 @@ export async function fetchShaders() {
 }
 
 /** Compiles the viewer. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
-export async function compileViewer() {
-  const response = await ownFile('insula_web_bg.wasm', new URL('./insula_web_bg.wasm', import.meta.url));
+export function compileViewer() {
+  // As a whole: bundlers follow it.
+  return compile('insula_web_bg.wasm', new URL('./insula_web_bg.wasm', import.meta.url));
+}
+
+/** Compiles what reads objects, which only questions about them need. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
+export function compileObjects() {
+  return compile('insula_web_objects_bg.wasm', new URL('./insula_web_objects_bg.wasm', import.meta.url));
+}
+
+/** @param {string} name @param {URL} url @returns {Promise<WebAssembly.Module>} */
+async function compile(name, url) {
+  const response = await ownFile(name, url);
   // Static hosts may not know the type, and compiling a stream demands it.
   const type = response.headers.get('content-type') ?? '';
   if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);

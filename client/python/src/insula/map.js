@@ -4,8 +4,8 @@
 // theirs, and what they start or fetch there is answered here. Each city has a path of its own below it.
 
 const BASE = 'https://insula.invalid/';
-const MODULE = './insula_web.js';
-const WASM = 'insula_web_bg.wasm';
+/** Each has a script and `_bg.wasm`. */
+const MODULES = ['insula_web', 'insula_web_objects'];
 const CAMERA_MS = 200;
 /** Of a camera in degrees that does not say it, as for `City.render`. */
 const DEFAULT_FOV_DEG = 60;
@@ -135,8 +135,8 @@ const Worker = class extends globalThis.Worker {
 `;
 }
 
-/** Answers a worker's requests. @param {MessagePort} port @param {Uint8Array} wasm */
-function answer(port, wasm) {
+/** Answers a worker's requests. @param {MessagePort} port @param {Map<string, Uint8Array>} modules */
+function answer(port, modules) {
   const running = new Map();
   port.onmessage = async ({ data: { id, path, range, isAborted } }) => {
     if (isAborted) return running.get(id)?.abort();
@@ -145,8 +145,9 @@ function answer(port, wasm) {
     try {
       const [key, rest] = [path.slice(0, path.indexOf('/')), path.slice(path.indexOf('/'))];
       const channel = page.routes.get(key);
-      if (path !== WASM && !channel) throw new TypeError('the map is closed');
-      const found = path === WASM
+      const wasm = modules.get(path);
+      if (!wasm && !channel) throw new TypeError('the map is closed');
+      const found = wasm
         ? { status: 200, headers: { 'content-type': 'application/wasm' }, body: wasm }
         : await channel.fetch(rest, range, control.signal);
       port.postMessage({ id, status: found.status, headers: found.headers, body: found.body });
@@ -163,22 +164,24 @@ const script = (text) => URL.createObjectURL(new Blob([text], { type: 'text/java
 
 /** Defines the element, with the modules of a server. */
 async function loadViewer(channel, assets) {
-  const names = ['insula-city.js', 'engine.js', 'helper.js', 'insula_web.js', WASM];
+  const wasmNames = MODULES.map((name) => `${name}_bg.wasm`);
+  const names = ['insula-city.js', 'engine.js', 'helper.js', ...MODULES.map((name) => `${name}.js`), ...wasmNames];
   const answers = await Promise.all(names.map((name) => channel.fetch(assets + name)));
   const missing = names.filter((_, i) => answers[i].status !== 200);
   if (missing.length > 0) throw new Error(`the server has no ${missing.join(', ')}`);
-  const wasm = answers.pop().body;
+  const modules = new Map(answers.splice(-MODULES.length).map(({ body }, i) => [wasmNames[i], body]));
   const texts = answers.map(({ body }) => new TextDecoder().decode(body).replaceAll('import.meta.url', JSON.stringify(BASE)));
-  const [element, engine, helper, bindings] = texts;
-  const bound = JSON.stringify(script(bindings));
-  const withBindings = (text) => text.replaceAll(`'${MODULE}'`, bound).replaceAll(`"${MODULE}"`, bound);
+  const [element, engine, helper, ...bindings] = texts;
+  const bound = bindings.map((text) => JSON.stringify(script(text)));
+  const bind = (text, name, i) => text.replaceAll(`'./${name}.js'`, bound[i]).replaceAll(`"./${name}.js"`, bound[i]);
+  const withBindings = (text) => MODULES.reduce(bind, text);
   const helperUrl = script(withBindings(helper));
   const engineUrl = script(workerHead(helperUrl) + withBindings(engine));
   page.Worker = class extends Worker {
     constructor(_, options) {
       super(engineUrl, options);
       const { port1, port2 } = new MessageChannel();
-      answer(port1, wasm);
+      answer(port1, modules);
       this.postMessage({ insulaPort: port2 }, [port2]);
     }
   };

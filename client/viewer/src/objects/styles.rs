@@ -24,6 +24,16 @@ pub enum ObjectState {
 }
 
 impl ObjectStyles {
+    /// Styles of the words that [`rules`](Self::rules) returned: a word of a palette for each object.
+    pub fn of_rules(words: Vec<u32>) -> Self {
+        Self { words, ..Self::default() }
+    }
+
+    /// What rules made of the objects, without outlines and states.
+    pub fn rules(&self) -> &[u32] {
+        &self.words
+    }
+
     /// Whether all objects are drawn as they are.
     pub fn is_empty(&self) -> bool {
         self.outlined.is_empty() && self.states.is_empty() && self.words.iter().all(|word| *word == 0)
@@ -108,6 +118,7 @@ mod tests {
         assert_eq!(styles.words(&[1, 2]), [PALETTE_COLOURED | 0x03_02_01, PALETTE_HIDDEN | PALETTE_OUTLINED]);
         let mut other = ObjectStyles::default();
         other.hide(4);
+        let other = ObjectStyles::of_rules(other.rules().to_vec());
         let mut styles = styles.with_rules_of(other);
         styles.set_state(2, None);
         let expected = [PALETTE_COLOURED | 0x03_02_01, PALETTE_OUTLINED, PALETTE_HIDDEN];

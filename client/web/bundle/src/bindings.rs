@@ -1,11 +1,8 @@
-//! JavaScript and TypeScript for the WebAssembly module, by `wasm-bindgen`.
+//! JavaScript and TypeScript for a WebAssembly module, by `wasm-bindgen`.
 
 use crate::error::BundleError;
 use std::{collections::BTreeMap, fs, path::Path};
 use wasm_bindgen_cli_support::Bindgen;
-
-/// Name of the bound module without its suffixes.
-const OUT_NAME: &str = "insula_web";
 
 /// The files that come from the module, by name.
 #[derive(Debug, Default)]
@@ -16,13 +13,15 @@ pub(crate) struct Bindings {
     pub(crate) types: BTreeMap<String, Vec<u8>>,
 }
 
+/// Binds `NAME.wasm`: its files are `NAME.js`, `NAME_bg.wasm` and their types.
 pub(crate) fn bind(wasm: &Path) -> Result<Bindings, BundleError> {
     // `Bindgen` would call it "could not read input".
     fs::metadata(wasm).map_err(BundleError::io(wasm))?;
     let folder = tempfile::tempdir().map_err(BundleError::io(Path::new("temporary folder")))?;
     let failed = |error: &dyn std::fmt::Display| BundleError::Bindings(format!("{error:#}"));
+    let name = wasm.file_stem().unwrap_or_default().to_string_lossy();
     let mut bindgen = Bindgen::new();
-    bindgen.input_path(wasm).out_name(OUT_NAME).typescript(true);
+    bindgen.input_path(wasm).out_name(&name).typescript(true);
     // The names of functions are a fifth of the module.
     bindgen.remove_producers_section(true).remove_name_section(true);
     bindgen.web(true).map_err(|error| failed(&error))?.generate(folder.path()).map_err(|error| failed(&error))?;

@@ -24,8 +24,8 @@ const ENTRIES: [(&str, &str); 12] = [
     ("cast-engine.js", "cast-engine.js"),
     ("model-reader.js", "model-reader.js"),
 ];
-/// Made by wasm-bindgen; several entries share it.
-const EXTERNAL: &str = "insula_web.js";
+/// How the names of scripts begin that wasm-bindgen makes; several entries share them.
+const EXTERNAL: &str = "insula_web";
 /// Texts of the server's own pages, which no script needs.
 const SERVER_TEXTS: (&str, &str) = ("language-en.json", "site");
 /// Scripts that browsers fetch by themselves.
@@ -43,7 +43,7 @@ pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
         }
         joined.insert(file.to_owned(), without_line_ends(&text).into_bytes());
     }
-    let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
+    let is_kept = |name: &str| !name.ends_with(".js") || name.starts_with(EXTERNAL) || SEPARATE.contains(&name);
     for (name, content) in files.iter().filter(|(name, _)| is_kept(name)) {
         let text = std::str::from_utf8(content).ok().filter(|_| name.ends_with(".js") || name.ends_with(".css"));
         let text = text
@@ -84,7 +84,7 @@ impl Joiner<'_> {
         self.begun.push(name.to_owned());
         let mut head = String::new();
         for (names, from) in &module.imports {
-            if from == EXTERNAL {
+            if from.starts_with(EXTERNAL) {
                 let line = format!("import {names} from './{from}';\n");
                 if !self.externals.contains(&line) {
                     self.externals.push(line);
@@ -224,7 +224,7 @@ fn import_of(statement: &str) -> Result<(String, String), String> {
     if is_json != file.ends_with(".json") {
         return Err(unknown());
     }
-    if is_list || names.is_empty() || file == EXTERNAL || (is_json && is_name) {
+    if is_list || names.is_empty() || file.starts_with(EXTERNAL) || (is_json && is_name) {
         Ok((names.to_owned(), file.to_owned()))
     } else {
         Err(unknown())
@@ -254,18 +254,19 @@ mod tests {
         let all = files(&[
             (
                 "app.js",
-                "/** The page.\n * Of many lines. */\nimport init, { A } from './insula_web.js';\nimport { a } from './a.js';\nimport {\n  b as c,\n} from './b.js';\nstart(a, c);\nexport class App {}\n",
+                "/** The page.\n * Of many lines. */\nimport init, { A } from './insula_web.js';\nimport more, { O } from './insula_web_objects.js';\nimport { a } from './a.js';\nimport {\n  b as c,\n} from './b.js';\nstart(a, c);\nexport class App {}\n",
             ),
             ("a.js", "import { b } from './b.js';\n// Why.\n/** @type {B} */ const d = b;\nexport const a = d;\n"),
             ("b.js", "export function b() { return /** @type {B} */ (1); }\n"),
             ("insula_web.js", "export class A {\n    /**\n     * What.\n     */\n\n    /* a */ /* b\n*/ b() {}\n}\n"),
+            ("insula_web_objects.js", "export class O {}\n"),
             ("style.css", "/* Why. */\n\na {\n  b: c;\n}\n"),
         ]);
         let joined = join(all).unwrap();
         let names: Vec<_> = joined.keys().map(String::as_str).collect();
-        assert_eq!(names, ["app.js", "insula_web.js", "style.css"]);
+        assert_eq!(names, ["app.js", "insula_web.js", "insula_web_objects.js", "style.css"]);
         assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a{b:c;}");
-        let expected = "import init, { A } from './insula_web.js';\
+        let expected = "import init, { A } from './insula_web.js';import more, { O } from './insula_web_objects.js';\
             const module_b = (() => {function b() { return (1); }\nreturn { b };})();\
             const module_a = (() => {const { b } = module_b;const d = b;const a = d;return { a };})();\
             const module_app = (() => {const { a } = module_a;const { b: c, } = module_b;start(a, c);class App {}\n\

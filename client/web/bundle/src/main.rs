@@ -1,4 +1,4 @@
-//! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
+//! Makes `client/web/dist` from the WebAssembly modules of `insula-web` and `insula-web-objects`, and the files of `client/web/page`.
 //!
 //! ```text
 //! wasm, shaders -> bindings (wasm-bindgen) -> asset_files (names, hash) -> languages (checks) -> joined_modules -> dist (compressed forms, manifest)
@@ -14,12 +14,12 @@ mod joined_modules;
 mod languages;
 
 use error::BundleError;
-use std::{env, fs, path::Path, process::ExitCode};
+use std::{collections::BTreeMap, env, fs, path::Path, process::ExitCode};
 
 /// What a page with a GPU fetches when it has drawn a picture.
 const SHADERS: &str = "shaders.txt";
-const USAGE: &str = "usage: insula-web-bundle MODULE.wasm SHADERS PAGE DIST
-Binds MODULE.wasm, adds the file SHADERS and the files of the folder PAGE, and replaces the folder DIST.";
+const USAGE: &str = "usage: insula-web-bundle SHADERS PAGE DIST MODULE.wasm...
+Binds each MODULE.wasm, adds the file SHADERS and the files of the folder PAGE, and replaces the folder DIST.";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -28,8 +28,8 @@ fn main() -> ExitCode {
             println!("{USAGE}");
             ExitCode::SUCCESS
         }
-        [wasm, shaders, page, out] => {
-            match bundle(Path::new(wasm), Path::new(shaders), Path::new(page), Path::new(out)) {
+        [shaders, page, out, modules @ ..] if !modules.is_empty() => {
+            match bundle(modules, Path::new(shaders), Path::new(page), Path::new(out)) {
                 Ok(summary) => {
                     println!("{summary}");
                     ExitCode::SUCCESS
@@ -48,14 +48,18 @@ fn main() -> ExitCode {
 }
 
 /// Makes the folder `out`. Returns a summary for people.
-fn bundle(wasm: &Path, shaders: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
-    let bound = bindings::bind(wasm)?;
+fn bundle(modules: &[String], shaders: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
     let mut files = asset_files::read_page(page)?;
-    for (name, content) in bound.assets {
-        asset_files::add(&mut files, name, content)?;
+    let mut types = BTreeMap::new();
+    for wasm in modules {
+        let bound = bindings::bind(Path::new(wasm))?;
+        for (name, content) in bound.assets {
+            asset_files::add(&mut files, name, content)?;
+        }
+        types.extend(bound.types);
     }
     let text = fs::read(shaders).map_err(BundleError::io(shaders))?;
     asset_files::add(&mut files, SHADERS.to_owned(), text)?;
     languages::check(&files)?;
-    dist::replace(out, &joined_modules::join(files)?, &bound.types)
+    dist::replace(out, &joined_modules::join(files)?, &types)
 }

@@ -1,8 +1,7 @@
 //! Carries out the page's commands.
 
-use super::commands::{Command, MeasureCommand, OptionsCommand};
 use super::navigation::CameraFlight;
-use super::viewer::{CityViewer, clamped_size, clamped_tau, to_js};
+use super::viewer::{CityViewer, clamped_size, clamped_tau};
 use glam::DVec3;
 use insula_shaders::layout::Shading;
 use insula_shaders::look::Look;
@@ -10,6 +9,8 @@ use insula_viewer::camera::Camera;
 use insula_viewer::camera_text;
 use insula_viewer::sun::parse_time;
 use insula_viewer::switching::{SwitchDistances, SwitchVolume};
+use insula_web_host::commands::{Command, MeasureCommand, OptionsCommand};
+use insula_web_host::host::to_js;
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
 

@@ -1,7 +1,6 @@
 //! Fetches tiles, and has other workers decode them.
 
 use super::decoder::key_numbers;
-use super::host::Host;
 use bytes::Bytes;
 use futures_util::future::{AbortHandle, abortable};
 use insula_protocol::{DecodeError, TileGroup, TileKind};
@@ -11,6 +10,7 @@ use insula_viewer::source::group_request::GroupRequest;
 use insula_viewer::source::{FetchError, TileSource};
 use insula_viewer::streamer::{FetchOutcome, TileFetcher};
 use insula_viewer::transfer;
+use insula_web_host::host::Host;
 use js_sys::Uint8Array;
 use std::cell::RefCell;
 use std::collections::{HashMap, VecDeque};

@@ -4,13 +4,13 @@
 //! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
 
 use super::frame_job::{DrawnView, FrameJob, Renderer};
-use super::messages::Step;
 use super::row_renderer::frame_words;
-use super::viewer::{CityViewer, clamped_size, json};
+use super::viewer::{CityViewer, clamped_size};
 use insula_shaders::cpu::hit_counts::hit_counts;
 use insula_viewer::collision::CitySolids;
 use insula_viewer::frame::{FrameData, STILL_SAMPLES};
 use insula_viewer::interaction::frame_pacing::{FrameDetail, FrameTime};
+use insula_web_host::messages::{Step, json};
 use js_sys::Promise;
 use std::time::Duration;
 use wasm_bindgen::prelude::*;
@@ -142,12 +142,6 @@ impl CityViewer {
     pub fn make_picture(&mut self, width: u32, height: u32) {
         self.picture_px = Some(clamped_size(width, height));
         (self.job, self.view_state) = (None, None);
-    }
-}
-
-impl Step {
-    fn wait(time: Duration) -> Self {
-        Self { action: "none", wait_ms: time.as_secs_f64() * 1e3, ..Self::default() }
     }
 }
 

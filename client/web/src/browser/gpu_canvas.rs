@@ -1,11 +1,11 @@
 //! The GPU ray-caster on a canvas.
 
-use super::host::Host;
 use insula_shaders::gpu::{Compose, DeviceQueue};
 use insula_shaders::wgsl;
 use insula_viewer::cache::pages_for;
 use insula_viewer::frame::FrameData;
 use insula_viewer::render::{GpuAdapter, GpuDevice};
+use insula_web_host::host::Host;
 use js_sys::{Promise, Uint8Array};
 use std::sync::{Arc, OnceLock};
 use wasm_bindgen::{JsCast, JsValue};

@@ -1,6 +1,5 @@
 //! The viewer of a page, and what its other workers run.
 
-pub mod console;
 mod control;
 pub mod decoder;
 mod draping;
@@ -8,15 +7,19 @@ mod fetcher;
 mod frame_job;
 mod frame_loop;
 mod gpu_canvas;
-pub mod host;
 mod models;
 mod navigation;
-pub mod objects;
+mod object_styles;
 mod overlay;
 mod page_writes;
 mod picking;
 pub mod row_renderer;
-mod transport;
 pub mod viewer;
 
-use crate::{commands, messages};
+use wasm_bindgen::prelude::*;
+
+/// Runs once in each worker.
+#[wasm_bindgen(start)]
+pub fn start() {
+    insula_web_host::console::start();
+}

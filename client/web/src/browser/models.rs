@@ -1,10 +1,11 @@
 //! Models that the page adds to the city.
 
-use super::viewer::{CityViewer, to_js};
+use super::viewer::CityViewer;
 use glam::DVec3;
 use insula_protocol::blockmap::NO_OBJECT;
 use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
 use insula_viewer::additions::{AdditionError, FIRST_ADDED, MAX_ADDED_MESHES, PackedAddition};
+use insula_web_host::host::to_js;
 use wasm_bindgen::prelude::*;
 
 /// Bits of a coordinate: millimetres for a building.

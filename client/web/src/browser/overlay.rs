@@ -1,7 +1,5 @@
 //! What the page shows over a frame: positions of markers and lines, the measured figure, the state of streaming.
 
-use super::fetcher::BrowserFetcher;
-use super::messages::{FrameMessage, MeasureMessage, StatusMessage};
 use super::viewer::CityViewer;
 use glam::{DVec2, DVec3};
 use insula_shaders::layout::Shading;
@@ -12,29 +10,27 @@ use insula_viewer::interaction::measure::MeasureKind;
 use insula_viewer::node_boxes::box_edges;
 use insula_viewer::projection::{project, project_line};
 use insula_viewer::source::REPLACED;
-use insula_viewer::streamer::{StreamStatus, Streamer};
-use std::time::Duration;
+use insula_viewer::streamer::StreamStatus;
+use insula_web_host::messages::{FrameMessage, MeasureMessage, StatusMessage};
 
 /// Points nearer to a surface than this share of their distance are visible.
 const VISIBLE_SHARE: f64 = 0.995;
 
-impl StatusMessage {
-    /// The state of streaming `elapsed` after its start.
-    pub(crate) fn of(streamer: &Streamer<BrowserFetcher>, elapsed: Duration) -> Self {
-        let (kind, text) = match streamer.stream_status(elapsed) {
+impl CityViewer {
+    /// The state of streaming.
+    pub(crate) fn status_message(&self) -> StatusMessage {
+        let (kind, text) = match self.streamer.stream_status(self.elapsed()) {
             StreamStatus::Ready => (None, String::new()),
             StreamStatus::Loading => (Some("loading"), String::new()),
-            StreamStatus::Reconnecting => (Some("offline"), streamer.downloads().last_error().to_owned()),
+            StreamStatus::Reconnecting => (Some("offline"), self.streamer.downloads().last_error().to_owned()),
             StreamStatus::Failed => {
-                let text = streamer.check().err().map(|e| e.to_string()).unwrap_or_default();
+                let text = self.streamer.check().err().map(|e| e.to_string()).unwrap_or_default();
                 (Some(if text == REPLACED { "replaced" } else { "error" }), text)
             }
         };
-        Self { op: "status", kind, text }
+        StatusMessage { op: "status", kind, text }
     }
-}
 
-impl CityViewer {
     pub(crate) fn frame_message(&self) -> FrameMessage {
         let view = self.view();
         let camera = &view.camera;

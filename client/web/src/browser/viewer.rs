@@ -1,14 +1,10 @@
 //! The viewer that the engine's worker owns.
 
-use super::commands::ViewerOptions;
 use super::fetcher::BrowserFetcher;
 use super::frame_job::{DrawnView, FrameJob, Renderer};
 use super::gpu_canvas::GpuCanvas;
-use super::host::Host;
-use super::messages::StatusMessage;
 use super::navigation::CameraFlight;
 use super::page_writes;
-use super::transport::BrowserTransport;
 use glam::DVec3;
 use insula_archive::city::parse_manifest;
 use insula_protocol::Manifest;
@@ -25,10 +21,14 @@ use insula_viewer::interaction::measure::MeasureTool;
 use insula_viewer::projection::ray_direction;
 use insula_viewer::scene::SceneTree;
 use insula_viewer::source::server::ServerSource;
-use insula_viewer::source::{ObjectSource, Transport, web_folder};
+use insula_viewer::source::{TileSource, Transport, web_folder};
 use insula_viewer::streamer::{Downloads, FrameRequest, Streamer};
 use insula_viewer::sun::{Daylight, SunOptions, parse_time};
 use insula_viewer::switching::SwitchDistances;
+use insula_web_host::commands::ViewerOptions;
+use insula_web_host::host::{Host, to_js};
+use insula_web_host::messages::{StatusMessage, json};
+use insula_web_host::transport::BrowserTransport;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use wasm_bindgen::prelude::*;
@@ -47,7 +47,7 @@ const TAU_PX: [f64; 2] = [0.25, 16.0];
 #[wasm_bindgen]
 pub struct CityViewer {
     host: Host,
-    pub(crate) source: Arc<dyn ObjectSource>,
+    source: Arc<dyn TileSource>,
     pub(crate) streamer: Streamer<BrowserFetcher>,
     pub(crate) renderer: Renderer,
     pub(crate) control: CameraControl,
@@ -93,8 +93,8 @@ impl CityViewer {
     pub fn new(host: Host, options: &str) -> Result<Self, JsError> {
         let options: ViewerOptions = serde_json::from_str(options).map_err(to_js)?;
         let manifest = parse_manifest(options.manifest.as_bytes()).map_err(to_js)?;
-        let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host.clone()));
-        let source: Arc<dyn ObjectSource> = if options.is_folder {
+        let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host.clone(), 0));
+        let source: Arc<dyn TileSource> = if options.is_folder {
             Arc::new(web_folder::open(&options.base, &manifest, &transport))
         } else {
             Arc::new(ServerSource::new(transport, &options.base, &options.query, &manifest))
@@ -147,7 +147,7 @@ impl CityViewer {
 
     /// The message about the state of streaming if it has changed since the last call.
     pub fn status(&mut self) -> Option<String> {
-        let status = StatusMessage::of(&self.streamer, self.started.elapsed());
+        let status = self.status_message();
         let is_new = self.status.as_ref() != Some(&status);
         self.status = Some(status);
         self.status.as_ref().filter(|_| is_new).map(json)
@@ -317,7 +317,7 @@ impl CityViewer {
 
 fn open_streamer(
     host: &Host,
-    source: &Arc<dyn ObjectSource>,
+    source: &Arc<dyn TileSource>,
     manifest: Manifest,
     pages: u32,
 ) -> Streamer<BrowserFetcher> {
@@ -336,13 +336,4 @@ pub(crate) fn clamped_size(width: u32, height: u32) -> [u32; 2] {
 /// A tolerated error that can be selected; 1 for what is not a number.
 pub(crate) fn clamped_tau(tau_px: f64) -> f64 {
     if tau_px.is_nan() { 1.0 } else { tau_px.clamp(TAU_PX[0], TAU_PX[1]) }
-}
-
-pub(crate) fn to_js(error: impl std::fmt::Display) -> JsError {
-    JsError::new(&error.to_string())
-}
-
-/// The JSON of a message. These have no maps and no fallible parts, so that it always is one.
-pub(crate) fn json(message: &impl serde::Serialize) -> String {
-    serde_json::to_string(message).unwrap_or_default()
 }

@@ -23,7 +23,7 @@ extern "C" {
     pub fn bypass_caches(this: &Host);
 
     /// Decodes a tile in a worker: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail. Resolves to the bytes of
-    /// [`decode_tile`](super::decoder::decode_tile), or rejects with the reason.
+    /// `decode_tile`, or rejects with the reason.
     #[wasm_bindgen(method)]
     pub fn decode(this: &Host, key: &[u32], bytes: Uint8Array) -> Promise;
 
@@ -57,4 +57,9 @@ extern "C" {
     /// A header of the answer.
     #[wasm_bindgen(method)]
     pub fn header(this: &Response, name: &str) -> Option<String>;
+}
+
+/// An error for JavaScript with the same text.
+pub fn to_js(error: impl std::fmt::Display) -> JsError {
+    JsError::new(&error.to_string())
 }

@@ -14,8 +14,7 @@ extern "C" {
     fn warn(text: &str);
 }
 
-/// Runs once in each worker.
-#[wasm_bindgen(start)]
+/// Reports panics and warnings from now on. To be called at the start of a module.
 pub fn start() {
     std::panic::set_hook(Box::new(|info| error(&info.to_string())));
     // Fails only if there is a subscriber already.

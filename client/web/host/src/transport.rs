@@ -1,6 +1,6 @@
 //! HTTP by the browser's `fetch`.
 
-use super::host::{Host, Response};
+use crate::host::{Host, Response};
 use bytes::Bytes;
 use insula_protocol::DecodeError;
 use insula_viewer::source::{BoxFuture, ContentRange, FetchError, RangeResponse, Transport};
@@ -10,8 +10,9 @@ use std::time::Duration;
 use wasm_bindgen::JsCast;
 use wasm_bindgen_futures::JsFuture;
 
+/// Requests of one module.
 #[derive(Debug)]
-pub(crate) struct BrowserTransport {
+pub struct BrowserTransport {
     host: Host,
     last_request: Cell<u32>,
 }
@@ -29,8 +30,9 @@ impl Drop for AbortOnDrop<'_> {
 }
 
 impl BrowserTransport {
-    pub(crate) fn new(host: Host) -> Self {
-        Self { host, last_request: Cell::new(0) }
+    /// Numbers of requests begin after `last_request`: modules that share a host need other ones.
+    pub fn new(host: Host, last_request: u32) -> Self {
+        Self { host, last_request: Cell::new(last_request) }
     }
 
     async fn send(&self, url: &str, range: Option<String>, limit_bytes: u64) -> Result<Response, FetchError> {

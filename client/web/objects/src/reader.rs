@@ -1,12 +1,16 @@
 //! The objects of a city for the page: attributes, search, and styles by rules.
 
-use super::commands::ColorRules;
-use super::messages::{ColorsMessage, ObjectMessage, SchemaMessage};
-use super::viewer::{CityViewer, json, to_js};
 use futures_util::lock::Mutex;
+use insula_archive::city::parse_manifest;
 use insula_objects::color::ColorBy;
-use insula_viewer::objects::{CityObjects, ObjectState, ObjectStyles, RulesError, StyledObjects};
-use insula_viewer::source::{FetchError, ObjectSource, WITHOUT_OBJECTS};
+use insula_viewer::objects::{CityObjects, ObjectStyles, RulesError, StyledObjects};
+use insula_viewer::source::server::ServerSource;
+use insula_viewer::source::{FetchError, ObjectSource, Transport, WITHOUT_OBJECTS, web_folder};
+use insula_web_host::commands::ColorRules;
+use insula_web_host::console;
+use insula_web_host::host::{Host, to_js};
+use insula_web_host::messages::{ColorsMessage, ObjectMessage, SchemaMessage, json};
+use insula_web_host::transport::BrowserTransport;
 use js_sys::{JSON, Promise, Reflect};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -14,6 +18,14 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 
 const MAX_HITS: usize = 100;
+/// The viewer's requests, which the same host makes, have lower numbers.
+const LAST_REQUEST: u32 = 1 << 31;
+
+/// Runs once in each worker.
+#[wasm_bindgen(start)]
+pub fn start() {
+    console::start();
+}
 
 /// Reads the objects of a city. It is apart from the viewer, which goes on drawing meanwhile.
 ///
@@ -41,10 +53,29 @@ impl MadeStyles {
     pub fn message(&self) -> String {
         self.message.clone()
     }
+
+    /// The styles, for `CityViewer::set_styles`: a word for each object.
+    pub fn words(&self) -> Vec<u32> {
+        self.styles.rules().to_vec()
+    }
 }
 
 #[wasm_bindgen]
 impl ObjectReader {
+    /// What reads the objects of a city: `manifest` is its text, and the others say where it is, as in `ViewerOptions`. Nothing is
+    /// fetched before the first question. Fails if the manifest is invalid.
+    #[wasm_bindgen(constructor)]
+    pub fn new(host: Host, manifest: &str, base: &str, is_folder: bool, query: &str) -> Result<Self, JsError> {
+        let manifest = parse_manifest(manifest.as_bytes()).map_err(to_js)?;
+        let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host, LAST_REQUEST));
+        let source: Arc<dyn ObjectSource> = if is_folder {
+            Arc::new(web_folder::open(base, &manifest, &transport))
+        } else {
+            Arc::new(ServerSource::new(transport, base, query, &manifest))
+        };
+        Ok(Self { source, origin: manifest.origin, opened: Rc::default() })
+    }
+
     /// What is known of an object: resolves to JSON (see `ObjectMessage`), or to `undefined` if there is none of this number. Rejects
     /// with the reason if it cannot be fetched.
     pub fn describe(&self, id: u32) -> Promise {
@@ -137,57 +168,5 @@ impl ObjectReader {
         };
         let objects = found.ok_or_else(|| with_fault(reason, &serde_json::json!({ "code": code })))?;
         Ok(opened.insert(Rc::new(objects)).clone())
-    }
-}
-
-#[wasm_bindgen]
-impl CityViewer {
-    /// What reads the objects of this city.
-    pub fn objects(&self) -> ObjectReader {
-        let origin = self.streamer.tree().manifest().origin;
-        ObjectReader { source: self.source.clone(), origin, opened: Rc::default() }
-    }
-
-    /// Draws objects in these styles from the next frame on. No tile is fetched again.
-    #[wasm_bindgen(js_name = setStyles)]
-    pub fn set_styles(&mut self, made: MadeStyles) {
-        self.apply_styles(self.styles().with_rules_of(made.styles));
-    }
-
-    /// Draws single objects in a way of their own: for each of `objects` a number of `states`, a colour as 0xRRGGBB, -1 for hidden,
-    /// anything else for what the styles say.
-    #[wasm_bindgen(js_name = setStates)]
-    pub fn set_states(&mut self, objects: &[u32], states: &[i32]) {
-        let mut styles = self.styles().clone();
-        for (&object, &state) in objects.iter().zip(states) {
-            let [high, r, g, b] = state.to_be_bytes();
-            styles.set_state(
-                object,
-                match (state, high) {
-                    (-1, _) => Some(ObjectState::Hidden),
-                    (_, 0) => Some(ObjectState::Colour([r, g, b])),
-                    _ => None,
-                },
-            );
-        }
-        self.apply_styles(styles);
-    }
-
-    /// Outlines these objects and no others.
-    pub fn outline(&mut self, objects: &[u32]) {
-        let mut styles = self.styles().clone();
-        styles.outline(objects.iter().copied().collect());
-        self.apply_styles(styles);
-    }
-}
-
-impl CityViewer {
-    pub(crate) fn styles(&self) -> &ObjectStyles {
-        self.streamer.cache().styles()
-    }
-
-    pub(crate) fn apply_styles(&mut self, styles: ObjectStyles) {
-        self.streamer.set_styles(styles, &mut self.renderer);
-        self.style_changes += 1;
     }
 }

@@ -17,10 +17,10 @@ fn declare<T: TS>(out: &mut String, config: &Config) {
 
 #[test]
 fn package_has_the_types_of_the_messages() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("package/messages.d.ts");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../package/messages.d.ts");
     let config = Config::default();
     let mut types =
-        "/** Messages between the element and its engine. Made from client/web/src by a test. */\n\n".to_owned();
+        "/** Messages between the element and its engine. Made from client/web/host/src by a test. */\n\n".to_owned();
     declare::<ViewerOptions>(&mut types, &config);
     declare::<Command>(&mut types, &config);
     declare::<OptionsCommand>(&mut types, &config);

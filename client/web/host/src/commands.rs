@@ -10,29 +10,29 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct ViewerOptions {
+pub struct ViewerOptions {
     /// The text of the manifest, which the page has fetched.
-    pub(crate) manifest: String,
+    pub manifest: String,
     /// `http://host` of a server, or the URL of a baked city's folder.
-    pub(crate) base: String,
-    pub(crate) is_folder: bool,
+    pub base: String,
+    pub is_folder: bool,
     /// Appended to each address of a server: a share link, or empty.
     #[serde(default)]
-    pub(crate) query: String,
-    pub(crate) width: u32,
-    pub(crate) height: u32,
+    pub query: String,
+    pub width: u32,
+    pub height: u32,
     #[cfg_attr(test, ts(type = "number"))]
-    pub(crate) cache_bytes: u64,
-    pub(crate) tau: Option<f64>,
-    pub(crate) camera: Option<String>,
-    pub(crate) time: Option<String>,
+    pub cache_bytes: u64,
+    pub tau: Option<f64>,
+    pub camera: Option<String>,
+    pub time: Option<String>,
 }
 
 /// A command without an answer.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
-pub(crate) enum Command {
+pub enum Command {
     Resize { width: u32, height: u32 },
     Move { direction: Direction, held: bool },
     Fast { held: bool },
@@ -62,20 +62,20 @@ pub(crate) enum Command {
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct OptionsCommand {
-    pub(crate) tau: Option<f64>,
-    pub(crate) fps: Option<f64>,
-    pub(crate) distances: Option<String>,
-    pub(crate) shadows: Option<bool>,
-    pub(crate) shading: Option<usize>,
-    pub(crate) look: Option<usize>,
+pub struct OptionsCommand {
+    pub tau: Option<f64>,
+    pub fps: Option<f64>,
+    pub distances: Option<String>,
+    pub shadows: Option<bool>,
+    pub shading: Option<usize>,
+    pub look: Option<usize>,
 }
 
 /// How objects are coloured and filtered. What is left out asks for nothing.
 #[derive(Debug, Default, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase", default, deny_unknown_fields)]
-pub(crate) struct ColorRules {
+pub struct ColorRules {
     /// An attribute, `height` or `kind`.
     attribute: String,
     palette: String,
@@ -99,7 +99,7 @@ impl From<ColorRules> for StyleRules {
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
-pub(crate) enum MeasureCommand {
+pub enum MeasureCommand {
     Start {},
     Stop {},
     Kind { kind: Kind },
@@ -115,7 +115,7 @@ macro_rules! values_of {
         #[derive(Debug, Clone, Copy, Deserialize)]
         #[cfg_attr(test, derive(ts_rs::TS))]
         #[serde(rename_all = "camelCase")]
-        pub(crate) enum $name {
+        pub enum $name {
             $($(#[$of_value])* $value),+
         }
 
