@@ -2,6 +2,7 @@
 //!
 //! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
 
+use insula_dress::footprint::ENDED;
 use insula_source::error::InputError;
 use insula_source::problems::{FAR, FEW_CORNERS, REMOVED};
 use insula_source::report::{BadInput, SourceReport};
@@ -60,6 +61,7 @@ pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
     let advice = match reason.as_str() {
         FAR => "check its coordinate system and its units",
         FEW_CORNERS if source.crs.is_some() => TOO_SMALL,
+        ENDED => "give what is valid now, or leave out the attribute that ends all",
         _ => "repair it",
     };
     Some(InputError::NothingLeft { path: source.path.clone(), objects, reason: format!("{reason}{example}"), advice })

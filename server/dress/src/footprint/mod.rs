@@ -5,6 +5,7 @@
 
 mod canopy;
 mod colour;
+mod ended;
 mod height;
 mod height_names;
 mod hidden;
@@ -17,6 +18,7 @@ mod roof_tags;
 
 pub use canopy::Canopy;
 pub use colour::{ResolvedColour, building_colours, by_use};
+pub use ended::{ENDED, has_ended};
 pub use height::{BuildingHeight, HeightHints, has_height, known_height_m, needs_ground};
 pub use height_names::is_height;
 pub use hidden::{IN_TUNNEL, INDOORS, UNDERGROUND, hidden, is_hidden};

@@ -18,7 +18,7 @@ mod told_heights;
 use super::context::{ByteProgress, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, PendingLandmark, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
-use insula_dress::footprint::{HeightHints, has_height, is_hidden};
+use insula_dress::footprint::{ENDED, HeightHints, has_ended, has_height, is_hidden};
 use insula_place::PlacingOptions;
 use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
@@ -40,6 +40,7 @@ use mesh_place::UnplacedMesh;
 use mesh_shape::MeshShape;
 use outward::FacingCounts;
 use plans::areas_without_heights;
+use std::collections::HashSet;
 use told_heights::ToldHeights;
 
 /// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
@@ -77,6 +78,8 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     /// Of buildings, where the user gives no unit.
     told_heights: ToldHeights,
     facings: FacingCounts,
+    /// Objects that have ended, whose parts have, too. See [`hash_of_id`].
+    ended: HashSet<u64>,
     /// Before `placement`, for meshes without a coordinate system.
     frame: LocalFrame,
     faces: Vec<WorldTriangle>,
@@ -121,6 +124,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             mesh_shape,
             told_heights,
             facings: FacingCounts::default(),
+            ended: HashSet::new(),
             frame,
             faces,
             tick,
@@ -277,6 +281,16 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         builder.close_related(self.context.source, id, open, relation, &mut self.report);
     }
 
+    /// Whether an object, or what it is a part of, is not there or no longer valid.
+    fn has_ended(&mut self, object: &SourceObject, whole: Option<WholeBuilding<'_>>) -> bool {
+        let is_part = object.parent.as_deref().is_some_and(|parent| self.ended.contains(&hash_of_id(parent)));
+        if !is_part && !has_ended(&object.attributes) && !whole.is_some_and(|whole| has_ended(whole.attributes)) {
+            return false;
+        }
+        self.ended.insert(hash_of_id(&object.id));
+        true
+    }
+
     /// Adds an object, of a whole building if that is known.
     fn take(&mut self, mut object: SourceObject, whole: Option<WholeBuilding<'_>>) -> Result<(), InputError> {
         subject::set(format_args!("{}: object {}", self.report.path, object.id));
@@ -286,6 +300,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             return Err(InputError::unsupported(&self.source.label, what));
         }
         if !self.begin(&object) {
+            return Ok(());
+        }
+        if self.has_ended(&object, whole) {
+            self.report.skip(ENDED, || object.id);
             return Ok(());
         }
         if let Some(shape) = &mut self.mesh_shape {

@@ -3,6 +3,7 @@
 mod bucket;
 mod cityjson;
 mod elevation;
+mod ended;
 mod geojson;
 mod obj;
 
