@@ -105,6 +105,8 @@ pub const MESH_UP: &str = "mesh looks as if its y axis points up";
 pub const GLTF_UP: &str = "glTF looks as if its z axis points up";
 /// Kind of the problem, and reason, that the interior of buildings, bridges and tunnels is left out.
 pub const INTERIOR: &str = "rooms and what is in them left out";
+/// Kind of the problem that a table is not read, because another one has its objects in more detail.
+pub const COARSER_TABLE: &str = "table not read, another one has the same in more detail";
 /// Kind of the problem that a model has parts of a kind that is not read.
 pub const PART_NOT_READ: &str = "part of a model not read";
 /// Kind of the problem that a program has not yet written its changes to a database.
@@ -143,7 +145,7 @@ pub(crate) const GUESSES: &[&str] = &[
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[
     NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_MEMOS, NO_COLUMN, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA,
-    INTERIOR, PART_NOT_READ, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE,
+    COARSER_TABLE, PART_NOT_READ, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE, INTERIOR,
     TEXTURE_UNREADABLE, TEXTURE_BROKEN, TEXTURE_TOO_LARGE, TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE,
     TILE_NOT_READ, TILE_NOT_FETCHED, SUBTREE_UNREADABLE,
 ];

@@ -283,7 +283,8 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
 
     /// Whether an object, or what it is a part of, is not there or no longer valid.
     fn has_ended(&mut self, object: &SourceObject, whole: Option<WholeBuilding<'_>>) -> bool {
-        let is_part = object.parent.as_deref().is_some_and(|parent| self.ended.contains(&hash_of_id(parent)));
+        let parent = object.parent.as_deref().filter(|_| !self.ended.is_empty());
+        let is_part = parent.is_some_and(|parent| self.ended.contains(&hash_of_id(parent)));
         if !is_part && !has_ended(&object.attributes) && !whole.is_some_and(|whole| has_ended(whole.attributes)) {
             return false;
         }

@@ -4,6 +4,7 @@
 //! schema are not trusted, lengths are limited, and a query that does not end is stopped.
 
 mod blob;
+mod levels;
 mod tables;
 
 use super::feature::FeatureWriter;
@@ -45,7 +46,8 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let open = open(&file.path, input.max_bytes, &checks);
     let connection = open.map_err(|cause| damaged(input, "database", &cause))?;
     let mut writer = FeatureWriter::new(input, sink);
-    let found = tables::find(&connection).map_err(|cause| damaged(input, "list of tables", &cause))?;
+    let mut found = tables::find(&connection).map_err(|cause| damaged(input, "list of tables", &cause))?;
+    levels::leave_out_coarser(&mut found);
     let changes = format!("{}-wal", input.name);
     if let Some(bytes) = input.files.len(&changes).ok().filter(|bytes| *bytes > 0) {
         let what_to_do = "close the program that has the database open, or let it run PRAGMA wal_checkpoint(TRUNCATE)";

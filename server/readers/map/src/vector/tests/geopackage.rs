@@ -4,7 +4,7 @@ use super::{attack, attributes, polygon_wkb, read, rings, run, square, text};
 use crate::vector::read_geopackage;
 use insula_source::attributes::AttributeValue;
 use insula_source::object::Description;
-use insula_source::problems::{ENCODING_GUESSED, UNSAVED};
+use insula_source::problems::{COARSER_TABLE, ENCODING_GUESSED, UNSAVED};
 use rusqlite::Connection;
 
 const SCHEMA: &str = "
@@ -87,6 +87,24 @@ fn tables_of_features() {
     let problems: Vec<&str> = sink.problems.iter().map(|problem| problem.1.as_str()).collect();
     assert_eq!(problems, ["lost", "photos"]);
     assert_eq!(sink.described[0], (Description::Title, "My pand \"x\"".to_owned()));
+}
+
+#[test]
+fn of_tables_of_levels_the_finest_is_read() {
+    let tables = ["pand", "lod12_2d", "lod12_3d", "lod22_2d", "lod22_3d", "wegdeel", "lod1_bridges"];
+    let bytes = database(|connection| {
+        for (number, name) in (0..).zip(tables) {
+            add_table(connection, name, 28992, ", identificatie TEXT");
+            let plan = blob(&polygon_wkb(&[square(f64::from(number) * 20.0, 0.0, 9.0)], Some(3.0)), None);
+            connection.execute(&format!("INSERT INTO {name} VALUES (1, ?1, 'a')"), (plan,)).unwrap();
+        }
+    });
+    let sink = read(read_geopackage, &[("a.gpkg", &bytes)]);
+    let types: Vec<&str> = sink.objects.iter().map(|object| object.source_type.as_str()).collect();
+    assert_eq!(types, ["lod22_3d", "wegdeel", "lod1_bridges"]);
+    let left_out: Vec<&str> =
+        sink.problems.iter().filter(|(kind, _)| *kind == COARSER_TABLE).map(|(_, name)| name.as_str()).collect();
+    assert_eq!(left_out, ["pand", "lod12_2d", "lod12_3d", "lod22_2d"]);
 }
 
 #[test]
