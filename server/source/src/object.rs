@@ -259,6 +259,18 @@ pub enum Wrap {
     None,
 }
 
+impl Wrap {
+    /// By the mode that CityGML and CityJSON name.
+    pub fn of_citygml(mode: &str) -> Self {
+        match mode {
+            "mirror" => Self::Mirror,
+            "clamp" => Self::Clamp,
+            "none" | "border" => Self::None,
+            _ => Self::Repeat,
+        }
+    }
+}
+
 /// Order of the coordinates of the positions that a reader passes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxisOrder {

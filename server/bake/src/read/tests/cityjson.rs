@@ -323,6 +323,22 @@ fn textures_have_coordinates_or_are_reported() {
 }
 
 #[test]
+fn textures_repeat_or_end_as_their_mode_says() {
+    let image = png(2, 2, [7, 8, 9]);
+    let geometry = r#"{"type": "MultiSurface", "lod": "2", "boundaries": [[[4,5,6,7]]], "texture": {"t": {"values": [[[0,0,1,2,3]]]}}}"#;
+    let highest = |mode: &str| {
+        let appearance = format!(
+            r#", "appearance": {{"textures": [{{"image": "a.png"{mode}}}], "vertices-texture": [[0, 0], [2, 0], [2, 1], [0, 1]]}}"#
+        );
+        let text = document(&object("a", geometry), &appearance);
+        let (scene, _) = embedded(&[("a.city.json", text.as_bytes()), ("a.png", &image)]).unwrap();
+        scene.triangles.iter().flat_map(|triangle| triangle.uv).map(|uv| uv[0]).fold(0.0, f32::max)
+    };
+    assert_eq!([highest(""), highest(r#", "wrapMode": "wrap""#), highest(r#", "wrapMode": 1"#)], [2.0; 3]);
+    assert_eq!([highest(r#", "wrapMode": "clamp""#), highest(r#", "wrapMode": "none""#)], [1.0; 2]);
+}
+
+#[test]
 fn relief_is_terrain_and_faces_up() {
     let relief = r#""t": {"type": "TINRelief", "geometry": [{"type": "CompositeSurface", "lod": 1, "boundaries":
         [[[4,5,6]], [[4,7,6]]]}]}"#;

@@ -178,12 +178,7 @@ impl SurfaceData<'_> {
             return self.problem("texture on the network not read", data);
         }
         let image = relative_to("", uri);
-        let wrap = match self.child_text(data, "wrapMode").unwrap_or("wrap") {
-            "mirror" => Wrap::Mirror,
-            "clamp" => Wrap::Clamp,
-            "none" | "border" => Wrap::None,
-            _ => Wrap::Repeat,
-        };
+        let wrap = self.child_text(data, "wrapMode").map_or(Wrap::Repeat, Wrap::of_citygml);
         let alpha_cutoff = image.to_ascii_lowercase().ends_with(".png").then_some(ALPHA_CUTOFF);
         let texture = Some(SourceTexture { image: SourceImage::File(image), wrap });
         let material = appearances.add_material(SourceMaterial { texture, alpha_cutoff, ..SourceMaterial::default() });

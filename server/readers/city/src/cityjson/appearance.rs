@@ -55,7 +55,7 @@ impl<'a> AppearanceReader<'a> {
             let rgb = material.and_then(CityJsonMaterial::rgb);
             let texture = texture.and_then(|number| textures.get(number)).map(|texture| SourceTexture {
                 image: SourceImage::File(texture.image.replace('\\', "/")),
-                wrap: Wrap::Repeat,
+                wrap: texture.wrap_mode.as_str().map_or(Wrap::Repeat, Wrap::of_citygml),
             });
             if texture.is_some() {
                 return sink.add_material(SourceMaterial { untextured_rgb: rgb, texture, ..SourceMaterial::default() });

@@ -108,6 +108,9 @@ impl CityJsonMaterial {
 #[serde(default)]
 pub(crate) struct CityJsonTexture {
     pub(crate) image: String,
+    /// Of any type, so that an odd one does not cost the appearance.
+    #[serde(rename = "wrapMode")]
+    pub(crate) wrap_mode: Value,
 }
 
 /// Geometries that objects place, possibly several times.

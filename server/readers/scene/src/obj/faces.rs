@@ -20,9 +20,10 @@ pub(super) fn shape_of(
     let mut meshes = Meshes::default();
     for face in faces {
         let (corners, line) = (file.corners_of(face), face.line);
-        let FaceMaterial { number, has_texture } = materials[face.material as usize];
-        let uv: Option<Vec<[f32; 2]>> =
-            corners.iter().map(|corner| file.uvs.get(corner[1] as usize).copied().filter(|_| has_texture)).collect();
+        let material = materials[face.material as usize];
+        let FaceMaterial { number, has_texture, mapping } = material;
+        let uv_of = |corner: &[u32; 2]| file.uvs.get(corner[1] as usize).map(|uv| mapping.apply(*uv));
+        let uv: Option<Vec<[f32; 2]>> = corners.iter().map(|corner| uv_of(corner).filter(|_| has_texture)).collect();
         if has_texture && uv.is_none() {
             sink.problem("textured face without texture coordinates", format!("line {line}"));
         }
@@ -32,7 +33,7 @@ pub(super) fn shape_of(
         if faces.len() <= MAX_POLYGONS && !is_coloured || !is_fan(&points) {
             let uv = uv.unwrap_or_default();
             polygons.push(Surface { points, uv, material: number, line, ..Surface::default() });
-        } else if !meshes.add(file, corners, number, uv.is_some()) {
+        } else if !meshes.add(file, corners, material, uv.is_some()) {
             sink.problem(NO_AREA, format!("line {line}"));
         }
     }
@@ -51,9 +52,9 @@ struct Meshes {
 
 impl Meshes {
     /// Adds a face that is a fan of triangles. Returns whether one of them has three different corners.
-    fn add(&mut self, file: &ObjFile, corners: &[[u32; 2]], material: Option<u32>, has_uv: bool) -> bool {
-        let number = *self.numbers.entry((material, has_uv)).or_insert_with(|| {
-            self.meshes.push(TriangleMesh { material, ..TriangleMesh::default() });
+    fn add(&mut self, file: &ObjFile, corners: &[[u32; 2]], material: FaceMaterial, has_uv: bool) -> bool {
+        let number = *self.numbers.entry((material.number, has_uv)).or_insert_with(|| {
+            self.meshes.push(TriangleMesh { material: material.number, ..TriangleMesh::default() });
             self.vertices.push(HashMap::new());
             self.meshes.len() - 1
         });
@@ -64,7 +65,7 @@ impl Meshes {
             if vertex == next {
                 mesh.positions.push(file.positions[position as usize]);
                 if has_uv {
-                    mesh.uv.push(file.uvs[uv as usize]);
+                    mesh.uv.push(material.mapping.apply(file.uvs[uv as usize]));
                 } else {
                     mesh.colours.extend(file.colours.get(position as usize));
                 }
@@ -85,6 +86,7 @@ impl Meshes {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mtl::UvMapping;
     use super::super::parse::parse;
     use super::*;
     use insula_source::testing::TestSink;
@@ -98,6 +100,22 @@ mod tests {
         let Shape::Surfaces { polygons, meshes } = shape else { panic!("{shape:?}") };
         assert!(polygons.is_empty());
         assert_eq!((meshes[0].triangles.len(), meshes[0].colours[3]), (2, [0, 255, 0]));
+    }
+
+    #[test]
+    fn textures_are_scaled_and_moved_in_polygons_and_meshes() {
+        let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n";
+        let mapping = UvMapping { scale: [2.0, 4.0], offset: [0.5, 0.0], is_clamped: false };
+        let material = FaceMaterial { number: Some(0), has_texture: true, mapping };
+        let file = parse("a.obj", &mut text.as_bytes(), 1 << 30, &mut TestSink::default(), &|| 0).unwrap();
+        let mapped = [[0.5, 0.0], [2.5, 0.0], [2.5, 4.0]];
+        for count in [1, MAX_POLYGONS + 1] {
+            let faces: Vec<&ObjFace> = std::iter::repeat_n(&file.faces[0], count).collect();
+            let shape = shape_of(&file, &faces, &[material], &mut TestSink::default());
+            let Shape::Surfaces { polygons, meshes } = shape else { panic!("{shape:?}") };
+            let uv = polygons.first().map_or_else(|| meshes[0].uv.clone(), |polygon| polygon.uv.clone());
+            assert_eq!((uv, polygons.len()), (mapped.to_vec(), count % (MAX_POLYGONS + 1)));
+        }
     }
 
     #[test]

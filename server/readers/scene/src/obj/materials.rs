@@ -1,6 +1,6 @@
 //! Materials that faces use, of all libraries that a file names.
 
-use super::mtl::{self, MtlMaterial};
+use super::mtl::{self, MtlMaterial, UvMapping};
 use super::parse::{ObjFace, ObjFile};
 use insula_source::input::Input;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, unit_to_byte};
@@ -19,6 +19,8 @@ pub(super) struct FaceMaterial {
     /// The sink's number; `None` for faces without a material.
     pub(super) number: Option<u32>,
     pub(super) has_texture: bool,
+    /// Of the texture.
+    pub(super) mapping: UvMapping,
 }
 
 /// Passes the materials that `faces` use to the sink; by material number of the file.
@@ -38,7 +40,8 @@ pub(super) fn load_materials(
             sink.problem("material missing", name.clone());
         }
         let own = source_material(name, material);
-        materials[i] = FaceMaterial { has_texture: own.texture.is_some(), number: Some(sink.add_material(own)) };
+        let (has_texture, mapping) = (own.texture.is_some(), material.map(|known| known.mapping).unwrap_or_default());
+        materials[i] = FaceMaterial { has_texture, mapping, number: Some(sink.add_material(own)) };
     }
     materials
 }
@@ -46,8 +49,8 @@ pub(super) fn load_materials(
 fn source_material(name: &str, material: Option<&MtlMaterial>) -> SourceMaterial {
     let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(unit_to_byte));
     let image = material.and_then(|material| material.texture.as_deref());
-    let texture =
-        image.map(|name| SourceTexture { image: SourceImage::File(name.replace('\\', "/")), wrap: Wrap::Repeat });
+    let wrap = if material.is_some_and(|material| material.mapping.is_clamped) { Wrap::Clamp } else { Wrap::Repeat };
+    let texture = image.map(|name| SourceTexture { image: SourceImage::File(name.replace('\\', "/")), wrap });
     SourceMaterial {
         name: Some(Rc::from(name)),
         // Exporters write black for textured materials, which would hide the texture.

@@ -21,6 +21,42 @@ const MAP_OPTIONS: &[(&str, usize)] = &[
     ("-type", 1),
 ];
 
+/// How texture coordinates become places in the image, and what is outside of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct UvMapping {
+    /// `-s`, by which texture coordinates are multiplied, and `-o`, which is added then.
+    pub(super) scale: [f32; 2],
+    pub(super) offset: [f32; 2],
+    /// `-clamp on`: the border of the image goes on outside of it, else the image repeats.
+    pub(super) is_clamped: bool,
+}
+
+impl Default for UvMapping {
+    fn default() -> Self {
+        Self { scale: [1.0; 2], offset: [0.0; 2], is_clamped: false }
+    }
+}
+
+impl UvMapping {
+    pub(super) fn apply(&self, uv: [f32; 2]) -> [f32; 2] {
+        std::array::from_fn(|axis| uv[axis] * self.scale[axis] + self.offset[axis])
+    }
+
+    /// Takes an option of a texture with its arguments.
+    fn take(&mut self, option: &str, arguments: &[&str]) {
+        let pair = |usual: f32| {
+            let number = |word: &&str| word.parse::<f32>().ok().filter(|number| number.is_finite());
+            std::array::from_fn(|axis| arguments.get(axis).and_then(number).unwrap_or(usual))
+        };
+        match option {
+            "-s" => self.scale = pair(1.0),
+            "-o" => self.offset = pair(0.0),
+            "-clamp" => self.is_clamped = arguments.first().is_some_and(|word| word.eq_ignore_ascii_case("on")),
+            _ => {}
+        }
+    }
+}
+
 /// The part of a material that is used.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct MtlMaterial {
@@ -28,6 +64,8 @@ pub(super) struct MtlMaterial {
     pub(super) diffuse: Option<[f64; 3]>,
     /// File name of `map_Kd`, as written.
     pub(super) texture: Option<String>,
+    /// Of the texture.
+    pub(super) mapping: UvMapping,
     /// `d`, from 0 (invisible) to 1 (opaque), or else 1 less `Tr`.
     dissolve: Option<f64>,
     /// `Ni`.
@@ -67,7 +105,8 @@ pub(super) fn parse(library: &[u8], materials: &mut HashMap<String, MtlMaterial>
             }
             ("kd", Some((_, material))) => material.diffuse = parse_colour(rest),
             ("map_kd", Some((_, material))) => {
-                material.texture = parse_texture(split_word(&decoded(bytes, encoding)).1);
+                material.mapping = UvMapping::default();
+                material.texture = parse_texture(split_word(&decoded(bytes, encoding)).1, &mut material.mapping);
             }
             ("d", Some((_, material))) => {
                 material.dissolve = rest.strip_prefix("-halo").unwrap_or(rest).trim().parse().ok();
@@ -108,7 +147,7 @@ fn parse_colour(text: &str) -> Option<[f64; 3]> {
 }
 
 /// The file name after the options. It may contain blanks, but not after an option that is not known.
-fn parse_texture(text: &str) -> Option<String> {
+fn parse_texture(text: &str, mapping: &mut UvMapping) -> Option<String> {
     let mut rest = text;
     while rest.starts_with('-') {
         let Some((option, after)) = rest.split_once(char::is_whitespace) else { break };
@@ -116,14 +155,17 @@ fn parse_texture(text: &str) -> Option<String> {
             return rest.split_ascii_whitespace().next_back().map(str::to_owned);
         };
         rest = after.trim_start();
+        let mut words = Vec::new();
         for taken in 0..arguments {
             let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
             // The options -o, -s and -t may have fewer than three numbers.
             if taken > 0 && word.parse::<f64>().is_err() {
                 break;
             }
+            words.push(word);
             rest = after.trim_start();
         }
+        mapping.take(option, &words);
     }
     (!rest.is_empty()).then(|| rest.to_owned())
 }
@@ -141,7 +183,10 @@ mod tests {
         assert_eq!(materials["a"].diffuse, Some([0.5, 0.25, 1.0]));
         assert_eq!(materials["a"].texture.as_deref(), Some("my wall.jpg"));
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
-        assert_eq!(materials["d"], MtlMaterial { texture: Some("wall.jpg".to_owned()), ..MtlMaterial::default() });
+        let mapping = UvMapping { scale: [2.0, 1.0], ..UvMapping::default() };
+        let textured = MtlMaterial { texture: Some("wall.jpg".to_owned()), mapping, ..MtlMaterial::default() };
+        assert_eq!(materials["d"], textured);
+        assert!(materials["a"].mapping.is_clamped);
         assert_eq!(materials.len(), 3);
         for (line, name) in [
             ("map_Kd -colorspace sRGB wall.jpg", Some("wall.jpg")),
@@ -151,6 +196,8 @@ mod tests {
             parse(format!("newmtl {line}\n{line}").as_bytes(), &mut materials);
             assert_eq!(materials[line].texture.as_deref(), name, "{line}");
         }
+        parse(b"newmtl f\nmap_Kd -o 0.5 0.25 0 -s 2 4 1 f.png", &mut materials);
+        assert_eq!(materials["f"].mapping.apply([1.0, 1.0]), [2.5, 4.25]);
         parse(b"NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
         assert_eq!((materials["e"].diffuse, materials["e"].texture.as_deref()), (Some([1.0, 0.0, 0.0]), Some("e.png")));
     }

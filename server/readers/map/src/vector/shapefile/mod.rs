@@ -1,5 +1,5 @@
 //! Shapefile: shapes in `.shp`, attributes in `.dbf`, their long texts in `.dbt` or `.fpt`, the coordinate system in `.prj`, the encoding of
-//! texts in `.cpg`.
+//! texts in `.cpg` or `.cst`.
 //!
 //! The `.shp` and `.dbf` files are read side by side, without the index `.shx`.
 
@@ -63,7 +63,8 @@ fn open_attributes<'a>(
     dbf_input: &Input<'a>,
     writer: &mut FeatureWriter<'_>,
 ) -> Result<Option<AttributeReader<'a>>, InputError> {
-    let code_page = local::sibling_text(input, "cpg");
+    // GeoServer and GeoNode write another name.
+    let code_page = local::sibling_text(input, "cpg").or_else(|| local::sibling_text(input, "cst"));
     match AttributeReader::open(dbf_input.open()?.reader, code_page.as_deref()) {
         Ok(mut reader) => {
             for guess in reader.take_guesses() {

@@ -132,6 +132,9 @@ fn code_page_files_name_the_encoding() {
     assert_eq!(name(0x57, None, "東京".as_bytes()), "東京");
     assert_eq!(name(0, Some(b"1251"), &russian), "Жилой дом");
     assert_eq!(name(0, Some(b"UTF-8"), &russian), "Жилой дом");
+    let table = dbf(0, &[("N", b'C', 3, 0)], &[b" \xb1\xb9\xbd"]);
+    let sink = read(read_shapefile, &[("a.shp", &shapes), ("a.dbf", &table), ("a.cst", b"ISO-8859-2")]);
+    assert_eq!(sink.objects[0].attributes, attributes(&[("N", text("ąš˝"))]));
 }
 
 #[test]
