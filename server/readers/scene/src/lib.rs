@@ -4,6 +4,7 @@ mod bytes;
 mod gltf;
 mod i3s;
 mod mesh_file;
+mod mesh_unit;
 mod obj;
 mod tiles3d;
 

@@ -7,6 +7,7 @@ mod ply_faces;
 mod tests;
 mod weld;
 
+use crate::mesh_unit::told_unit;
 use insula_dress::polygon::is_fan;
 use insula_simplify::model::{ModelError, off, stl};
 use insula_source::attributes::Attributes;
@@ -14,10 +15,15 @@ use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, Shape, SourceObject, Surface, TriangleMesh};
 use insula_source::packed::unpacked_name;
+use insula_source::problems::MESH_UNIT;
+use std::borrow::Cow;
 use weld::Welder;
 
 /// Extensions of the file formats that this reader reads; `.gz` may follow.
 const EXTENSIONS: [&str; 3] = [".ply", ".stl", ".off"];
+/// Comments are within so many bytes, and the title of an STL within these.
+const HEAD_BYTES: usize = 1 << 12;
+const TITLE_BYTES: usize = 80;
 
 #[derive(Debug, Default)]
 struct FileMesh {
@@ -33,9 +39,13 @@ struct FileMesh {
 pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     let bytes = input.read_all(input.max_bytes)?;
     let id = stem(input.name);
+    let is_off = unpacked_name(input.name).to_ascii_lowercase().ends_with(".off");
+    if let Some(detail) = comments(&bytes, is_off).iter().find_map(|comment| told_unit("header", comment)) {
+        sink.problem(MESH_UNIT, detail);
+    }
     let mesh = if bytes.starts_with(b"ply") {
         ply::read(input.label, id, &bytes, sink)?
-    } else if unpacked_name(input.name).to_ascii_lowercase().ends_with(".off") {
+    } else if is_off {
         read_off(input.label, &bytes)?
     } else {
         read_stl(input.label, id, &bytes, sink)?
@@ -56,6 +66,16 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     }
     sink.tick(input.files.len(input.name).unwrap_or(0));
     Ok(())
+}
+
+/// The comments at the head of a file; of an STL, its title.
+fn comments(bytes: &[u8], is_off: bool) -> Vec<Cow<'_, str>> {
+    let lines = bytes[..bytes.len().min(HEAD_BYTES)].split(|byte| *byte == b'\n');
+    if !bytes.starts_with(b"ply") && !is_off {
+        return lines.take(1).map(|line| String::from_utf8_lossy(&line[..line.len().min(TITLE_BYTES)])).collect();
+    }
+    let comment = |line: &&[u8]| ["comment ", "obj_info ", "#"].iter().any(|start| line.starts_with(start.as_bytes()));
+    lines.take_while(|line| !line.starts_with(b"end_header")).filter(comment).map(String::from_utf8_lossy).collect()
 }
 
 /// Reads an OFF file. Fails if it is none, or is damaged.

@@ -5,6 +5,7 @@ use insula_source::error::InputError;
 use insula_source::files::EmbeddedFiles;
 use insula_source::input::Input;
 use insula_source::object::{Shape, SourceImage, Surface, TriangleMesh};
+use insula_source::problems::MESH_UNIT;
 use insula_source::testing::TestSink;
 
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TestSink, InputError> {
@@ -250,5 +251,29 @@ fn changed_bytes_never_panic() {
             }
             let _ = read_bytes("a.ply", &bytes);
         }
+    }
+}
+
+#[test]
+fn units_in_headers_are_named() {
+    let ply = |comment: &str| HEADER.replace("FORMAT", "ascii").replace("made by hand", comment);
+    let text = "0 0.5 0 0 0 0 0\n0 0.5 0 0 0 0 0\n0 0.5 0 0 0 0 0\n0 0.5 0 0 0 0 0\n";
+    let stl = |title: &[u8]| binary_stl(title, &SQUARE);
+    let off = b"OFF\n# units: cm\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n";
+    for (name, bytes, scale) in [
+        ("a.ply", (ply("Units: millimeters") + text).into_bytes(), Some("0.001")),
+        ("a.ply", (ply("units: m") + text).into_bytes(), None),
+        ("a.stl", stl(b"UNITS= mm"), Some("0.001")),
+        ("a.stl", stl(b"solid"), None),
+        ("a.off", off.to_vec(), Some("0.01")),
+    ] {
+        let files = EmbeddedFiles { files: &[(name, &bytes[..])] };
+        let mut sink = TestSink::default();
+        // A file without its faces is damaged, but its header is read.
+        let _ = read(&Input::new(name, name, &files, 1 << 20), &mut sink);
+        let told: Vec<&str> =
+            sink.problems.iter().filter(|(kind, _)| *kind == MESH_UNIT).map(|(_, text)| text.as_str()).collect();
+        let is_named = |scale: &str| told.len() == 1 && told[0].contains(&format!("\"scale\": {scale} in"));
+        assert!(scale.map_or(told.is_empty(), is_named), "{name}: {told:?}");
     }
 }

@@ -1,12 +1,12 @@
 //! Parses the lines of an OBJ into arrays. Names and indices are not resolved yet, because libraries and vertices may
 //! come after their use.
 
+use crate::mesh_unit::told_unit;
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
 use insula_source::problems::{ENCODING_GUESSED, MESH_UNIT, PART_NOT_READ};
 use insula_source::source::{NextLine, next_line};
 use insula_source::text::{decoded, is_usual, likely_encoding};
-use insula_source::units::metres_of;
 use std::collections::HashMap;
 use std::io::BufRead;
 
@@ -203,17 +203,9 @@ impl<'r> ObjParser<'r> {
         self.file
     }
 
-    /// Names a unit that a comment tells, as `# File units = inches` of SketchUp does. It is not applied: place files may scale the mesh.
+    /// Names a unit that a comment tells.
     fn comment(&mut self, line: &str) {
-        let lower = line.to_lowercase();
-        let mut words = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
-        if !words.any(|word| matches!(word, "unit" | "units")) {
-            return;
-        }
-        let unit_m = words.find(|word| !matches!(*word, "1" | "in" | "is" | "are")).and_then(metres_of);
-        if let Some(unit_m) = unit_m.filter(|unit_m| *unit_m != 1.0) {
-            let advice = format!("scale the mesh, or give \"scale\": {unit_m} in its .place.json file");
-            let detail = format!("line {}: {}, taken as metres; {advice}", self.line, shorten(line));
+        if let Some(detail) = told_unit(&format!("line {}", self.line), line) {
             self.sink.problem(MESH_UNIT, detail);
         }
     }
