@@ -105,7 +105,7 @@ impl Workspace {
 }
 
 /// The packages of the workspace that each may depend on.
-const ALLOWED: [(&str, &[&str]); 27] = [
+const ALLOWED: [(&str, &[&str]); 28] = [
     ("insula-protocol", &[]),
     ("insula-archive", &["insula-protocol"]),
     ("insula-command-line", &["insula-protocol", "insula-archive"]),
@@ -146,6 +146,7 @@ const ALLOWED: [(&str, &[&str]); 27] = [
     ),
     ("insula-viewer", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
     ("insula-web-host", &["insula-protocol", "insula-objects", "insula-viewer"]),
+    ("insula-web-meshes", &["insula-protocol", "insula-viewer", "insula-web-host"]),
     ("insula-web-objects", &["insula-archive", "insula-objects", "insula-viewer", "insula-web-host"]),
     ("insula-web", &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer", "insula-web-host"]),
     (

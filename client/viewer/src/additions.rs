@@ -1,8 +1,10 @@
 //! What is added to a city without a bake: meshes that stay resident and are drawn at every distance.
 
 use glam::DVec3;
+use insula_protocol::blockmap::NO_OBJECT;
 use insula_protocol::mesh::{Attribute, Mesh, PositionGrid};
 use insula_shaders::mesh::{MAX_TRIANGLES, PackError, PackedMesh};
+use serde::{Deserialize, Serialize};
 
 /// Most meshes that are added: each ray tests the boxes of all.
 pub const MAX_ADDED_MESHES: usize = 64;
@@ -35,7 +37,7 @@ pub enum AdditionError {
 }
 
 /// A mesh that is to be added.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PackedAddition {
     /// World position that the mesh is relative to, in whole metres.
     pub(crate) corner: DVec3,
@@ -48,6 +50,11 @@ impl PackedAddition {
     pub fn new(mesh: &Mesh, corner: DVec3, objects: &[u32]) -> Result<Self, PackError> {
         Ok(Self { corner, mesh: PackedMesh::new(mesh, None, objects, &[])? })
     }
+}
+
+/// The object that the model of a number is; `None` if there are no more.
+pub fn added_object(number: u32) -> Option<u32> {
+    FIRST_ADDED.checked_add(number).filter(|object| *object != NO_OBJECT)
 }
 
 impl AddedObject {
@@ -115,6 +122,7 @@ mod tests {
         assert_eq!((packed[0].corner, packed[0].mesh.z_m), (DVec3::new(85_000.0, 500.0, 20.0), [0.0, 60.0]));
         assert_eq!(object(85_000.0).centre(), Some([85_005.0, 500.0, 50.0]));
         assert_eq!(AddedObject { name: String::new(), triangles: Vec::new() }.centre(), None);
+        assert_eq!([0, 1, 0xffff].map(added_object), [Some(FIRST_ADDED), Some(FIRST_ADDED + 1), None]);
     }
 
     #[test]

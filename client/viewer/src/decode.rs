@@ -4,7 +4,7 @@
 
 use crate::cache::PackedTile;
 use crate::scene::TileKey;
-use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, VisibilityTile};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileId, TileKind, VisibilityTile};
 use insula_shaders::mesh::MeshTexture;
 
 /// The content of a tile.
@@ -21,6 +21,28 @@ pub enum DecodedTile {
 /// Decodes a tile. Fails if the bytes do not decode, or are those of another tile than `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     match key.kind() {
+        TileKind::BlockMap => decode_block_map(key.id, bytes).map(DecodedTile::Packed),
+        TileKind::Mesh => decode_mesh(key, bytes).map(DecodedTile::Packed),
+        TileKind::Subtree | TileKind::Visibility | TileKind::Objects => decode_index(key, bytes),
+    }
+}
+
+/// The same of a V-BlockMap.
+pub fn decode_block_map(id: TileId, bytes: &[u8]) -> Result<PackedTile, DecodeError> {
+    Ok(PackedTile::node(&BlockMap::decode(id, bytes)?.stand_on_ground()))
+}
+
+/// The same of a mesh. In a browser, a module of its own does it.
+pub fn decode_mesh(key: TileKey, bytes: &[u8]) -> Result<PackedTile, DecodeError> {
+    let MeshTile { mesh, texture, objects, landmarks } = MeshTile::decode(key.id, key.lod, bytes)?;
+    let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
+    let packed = PackedTile::mesh(&mesh, texture.as_ref(), &objects, &landmarks);
+    packed.map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
+}
+
+/// The same of a tile that says what there is: a subtree or visibility. Fails for all others.
+pub fn decode_index(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
+    match key.kind() {
         TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
             let is_requested = subtree.nodes.first().is_some_and(|root| root.id == key.id);
@@ -28,17 +50,8 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
                 .then_some(DecodedTile::Subtree(subtree))
                 .ok_or(DecodeError::Invalid("the subtree of another node"))
         }
-        TileKind::BlockMap => {
-            let map = BlockMap::decode(key.id, bytes)?.stand_on_ground();
-            Ok(DecodedTile::Packed(PackedTile::node(&map)))
-        }
-        TileKind::Mesh => {
-            let MeshTile { mesh, texture, objects, landmarks } = MeshTile::decode(key.id, key.lod, bytes)?;
-            let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
-            let packed = PackedTile::mesh(&mesh, texture.as_ref(), &objects, &landmarks);
-            packed.map(DecodedTile::Packed).map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
-        }
         TileKind::Visibility => VisibilityTile::decode(key.id, bytes).map(DecodedTile::Visibility),
+        TileKind::BlockMap | TileKind::Mesh => Err(DecodeError::Invalid("a tile that is drawn where none is expected")),
         TileKind::Objects => Err(DecodeError::Invalid("objects are not drawn")),
     }
 }
@@ -46,7 +59,6 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::TileId;
     use insula_protocol::mesh_tile::{self, TileTexture};
     use std::io::Cursor;
 
@@ -76,5 +88,6 @@ mod tests {
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
         assert!(matches!(decode(TileKey::block_map(id), &bytes), Ok(DecodedTile::Packed(_))));
         assert!(decode(TileKey::subtree(TileId::ROOT), &bytes).is_err());
+        assert!(decode_index(TileKey::block_map(id), &bytes).is_err());
     }
 }

@@ -52,6 +52,8 @@ export class Engine {
    * @type {{id: number, width: number, height: number, caption: string[]}[]} */
   #pictures = [];
   /** Messages about models, which change between frames: all tiles are fetched again. @type {any[]} */ #models = [];
+  /** The end of packing: messages about models stay in order. */
+  #packed = Promise.resolve();
   /** What is known of named models, by number. @type {Map<number, import('./messages.js').ObjectMessage>} */ #named = new Map();
   /** Who waits for the end of a flight, and whether the camera has moved since.
    * @type {{id: number, isUnderWay: boolean}[]} */
@@ -392,12 +394,23 @@ export class Engine {
   }
 
   addModel(message) {
-    this.#models.push(message);
-    this.wake();
+    this.#changeModel(this.#helpers.pack(message).then((packed) => ({ ...message, packed })), message.id);
   }
 
   removeModel(message) {
-    this.addModel(message);
+    this.#changeModel(Promise.resolve(message), message.id);
+  }
+
+  /** @param {Promise<object>} change @param {number} id Of the request, which has the reason if there is no change. */
+  #changeModel(change, id) {
+    // Nothing else is wrong with what the page has read, unless what packs it has not come.
+    const fault = (error) => (error.isTemporary ? undefined : { code: 'models' });
+    const refuse = (error) => reply(id, Promise.reject(Object.assign(error, { fault: fault(error) })));
+    change.catch(() => {});
+    this.#packed = this.#packed.then(() => change).then((message) => {
+      this.#models.push(message);
+      this.wake();
+    }).catch(refuse);
   }
 
   showModels({ shown }) {
@@ -406,12 +419,12 @@ export class Engine {
   }
 
   #changeModels() {
-    for (const { op, id, number, origin, positions, colours, triangles, name } of this.#models.splice(0)) {
+    for (const { op, id, number, origin, positions, packed, name } of this.#models.splice(0)) {
       const change = async () => {
         this.#named.delete(number);
         if (op === 'removeModel') this.#viewer.removeModel(number);
         else {
-          const object = this.#viewer.addModel(number, new Float64Array(origin), positions, colours, triangles, name !== undefined);
+          const object = this.#viewer.addModel(number, packed, name !== undefined);
           if (object !== undefined) this.#named.set(number, namedModel(object, name, origin, positions));
         }
         return null;

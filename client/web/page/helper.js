@@ -1,6 +1,7 @@
 /** A worker that decodes tiles and draws rows of frames on the CPU, with its own copy of the atlas. */
 
 import init, { RowRenderer, decode_tile } from './insula_web.js';
+import initMeshes, { decode_mesh, pack_model } from './insula_web_meshes.js';
 
 /** @type {RowRenderer|null} */
 let renderer = null;
@@ -10,6 +11,11 @@ let ready = Promise.resolve();
 const jobs = {
   init({ module }) {
     ready = init({ module_or_path: module });
+  },
+
+  /** The module that the jobs about meshes need. */
+  meshes({ module }) {
+    return initMeshes({ module_or_path: module });
   },
 
   /** Makes an empty atlas, or none: on a GPU, rows are not drawn here. */
@@ -37,14 +43,27 @@ const jobs = {
   },
 
   decode({ number, key, bytes }) {
-    try {
-      const decoded = decode_tile(key, bytes);
-      postMessage({ number, decoded }, [decoded.buffer]);
-    } catch (error) {
-      postMessage({ number, error: String(error?.message ?? error) });
-    }
+    answer(number, () => decode_tile(key, bytes));
+  },
+
+  decodeMesh({ number, key, bytes }) {
+    answer(number, () => decode_mesh(key, bytes));
+  },
+
+  pack({ number, model, origin, positions, colours, triangles, isNamed }) {
+    answer(number, () => pack_model(model, new Float64Array(origin), positions, colours, triangles, isNamed));
   },
 };
+
+/** Answers with bytes, or with the reason why there are none: the page's console is for other errors. */
+function answer(number, make) {
+  try {
+    const bytes = make();
+    postMessage({ number, bytes }, [bytes.buffer]);
+  } catch (error) {
+    postMessage({ number, error: String(error?.message ?? error) });
+  }
+}
 
 addEventListener('message', ({ data }) => {
   if (data.job === 'init') jobs.init(data);

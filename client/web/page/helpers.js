@@ -1,9 +1,24 @@
 /** The workers that decode tiles and draw rows for the engine. */
 
+import { compileMeshes } from './network.js';
 import { startWorker } from './workers.js';
 
 /** Rows keep a worker as busy as this many tiles. */
 const ROWS_WEIGHT = 8;
+
+/** Kind of a mesh in a tile's key. */
+const MESH = 2;
+
+/** What decodes meshes, before the first of them; `null` before, and after it could not be fetched. @type {Promise<WebAssembly.Module>|null} */
+let meshes = null;
+
+function compiledMeshes() {
+  meshes ??= compileMeshes().catch((error) => {
+    meshes = null;
+    throw error;
+  });
+  return meshes;
+}
 
 /** Workers copy what they are to write: most words of it at once. The memory of a module never becomes smaller. */
 const MAX_WRITE_WORDS = 1 << 18;
@@ -32,6 +47,9 @@ export class Helpers {
   /** Number of workers that draw: the first ones. */
   #drawing = 0;
   #isRetiring = false;
+  /** Whether the workers have what decodes meshes, and the number of jobs that wait for it. */
+  #hasMeshes = false;
+  #waiting = 0;
 
   /**
    * @param {Promise<WebAssembly.Module>} compiled Workers start while it is being compiled.
@@ -54,11 +72,39 @@ export class Helpers {
     return this.#drawing;
   }
 
-  /** Decodes a tile in the least busy worker. Fails if the tile is damaged. */
-  decode(key, bytes) {
+  /** Decodes a tile in the least busy worker. Fails if the tile is damaged, and with `isTemporary` if what decodes it has not come. */
+  async decode(key, bytes) {
+    const isMesh = key[0] === MESH;
+    if (isMesh) await this.#giveMeshes();
+    const job = isMesh ? 'decodeMesh' : 'decode';
+    return (await this.#askLeastBusy({ job, key, bytes }, [bytes.buffer])).bytes;
+  }
+
+  /** Packs a model that a page adds. Fails if it is incomplete or too large. @param {object} model @returns {Promise<Uint8Array>} */
+  async pack({ number, origin, positions, colours, triangles, name }) {
+    await this.#giveMeshes();
+    const values = { model: number, origin, positions, colours, triangles, isNamed: name !== undefined };
+    return (await this.#askLeastBusy({ job: 'pack', ...values })).bytes;
+  }
+
+  async #giveMeshes() {
+    if (this.#hasMeshes) return;
+    this.#waiting++;
+    try {
+      const module = await compiledMeshes();
+      if (!this.#hasMeshes) this.#workers.forEach(({ worker }) => worker.postMessage({ job: 'meshes', module }));
+      this.#hasMeshes = true;
+    } finally {
+      this.#waiting--;
+      // The job that waited is asked for first.
+      if (this.#isRetiring) setTimeout(() => this.retire());
+    }
+  }
+
+  #askLeastBusy(message, transfer = []) {
     const last = this.#workers.length - 1;
     const at = this.#workers.reduce((best, { pending }, i) => (pending < this.#workers[best].pending ? i : best), last);
-    return this.#ask(at, 1, { job: 'decode', key, bytes }, [bytes.buffer]).then(({ decoded }) => decoded);
+    return this.#ask(at, 1, message, transfer);
   }
 
   /** Makes new atlases, or none for 0 bytes. */
@@ -103,7 +149,7 @@ export class Helpers {
   /** Ends the workers when they have done what they were asked for. */
   retire() {
     this.#isRetiring = true;
-    if (this.#jobs.size === 0) this.dispose();
+    if (this.#jobs.size + this.#waiting === 0) this.dispose();
   }
 
   dispose() {

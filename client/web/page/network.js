@@ -154,6 +154,11 @@ export function compileViewer() {
   return compile('insula_web_bg.wasm', new URL('./insula_web_bg.wasm', import.meta.url));
 }
 
+/** Compiles what decodes meshes and packs models. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
+export function compileMeshes() {
+  return compile('insula_web_meshes_bg.wasm', new URL('./insula_web_meshes_bg.wasm', import.meta.url));
+}
+
 /** Compiles what reads objects, which only questions about them need. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
 export function compileObjects() {
   return compile('insula_web_objects_bg.wasm', new URL('./insula_web_objects_bg.wasm', import.meta.url));

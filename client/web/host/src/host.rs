@@ -1,5 +1,7 @@
-//! What the crate needs from the page: `page/engine-core.js` implements it.
+//! What the modules need from the page: `page/engine-core.js` implements it.
 
+use insula_protocol::TileId;
+use insula_viewer::scene::TileKey;
 use js_sys::{Promise, Uint8Array};
 use wasm_bindgen::prelude::*;
 
@@ -22,8 +24,8 @@ extern "C" {
     #[wasm_bindgen(method, js_name = bypassCaches)]
     pub fn bypass_caches(this: &Host);
 
-    /// Decodes a tile in a worker: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail. Resolves to the bytes of
-    /// `decode_tile`, or rejects with the reason.
+    /// Decodes a tile in a worker, which has [`key_numbers`] of it. Resolves to the bytes of `decode_tile` or `decode_mesh`, or rejects
+    /// with the reason; with `isTemporary` if it is not the tile's.
     #[wasm_bindgen(method)]
     pub fn decode(this: &Host, key: &[u32], bytes: Uint8Array) -> Promise;
 
@@ -62,4 +64,20 @@ extern "C" {
 /// An error for JavaScript with the same text.
 pub fn to_js(error: impl std::fmt::Display) -> JsError {
     JsError::new(&error.to_string())
+}
+
+/// A tile's key as numbers: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail.
+pub fn key_numbers(key: TileKey) -> [u32; 5] {
+    let kind = if key == TileKey::block_map(key.id) { 0 } else { 2 };
+    [kind, u32::from(key.id.level()), key.id.x(), key.id.y(), u32::from(key.lod)]
+}
+
+/// The key of [`key_numbers`]. Fails if it is none.
+pub fn tile_key(numbers: &[u32]) -> Result<TileKey, JsError> {
+    let &[kind, level, x, y, lod] = numbers else { return Err(JsError::new("a key has five numbers")) };
+    let (Ok(level), Ok(lod)) = (u8::try_from(level), u8::try_from(lod)) else {
+        return Err(JsError::new("level or level of detail is too large"));
+    };
+    let id = TileId::new(level, x, y).ok_or_else(|| JsError::new("no such node"))?;
+    Ok(if kind == 0 { TileKey::block_map(id) } else { TileKey::mesh(id, lod) })
 }

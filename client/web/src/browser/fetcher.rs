@@ -1,22 +1,21 @@
 //! Fetches tiles, and has other workers decode them.
 
-use super::decoder::key_numbers;
 use bytes::Bytes;
 use futures_util::future::{AbortHandle, abortable};
 use insula_protocol::{DecodeError, TileGroup, TileKind};
-use insula_viewer::decode::{DecodedTile, decode};
+use insula_viewer::decode::{DecodedTile, decode_index};
 use insula_viewer::scene::TileKey;
 use insula_viewer::source::group_request::GroupRequest;
 use insula_viewer::source::{FetchError, TileSource};
 use insula_viewer::streamer::{FetchOutcome, TileFetcher};
 use insula_viewer::transfer;
-use insula_web_host::host::Host;
-use js_sys::Uint8Array;
+use insula_web_host::host::{Host, key_numbers};
+use js_sys::{Reflect, Uint8Array};
 use std::cell::RefCell;
 use std::collections::{HashMap, VecDeque};
 use std::rc::Rc;
 use std::sync::Arc;
-use wasm_bindgen::JsCast;
+use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::{JsFuture, spawn_local};
 use web_time::Instant;
 
@@ -108,10 +107,19 @@ impl Drop for BrowserFetcher {
 /// Decodes a tile in another worker, except subtrees and visibility, which are small.
 async fn decode_elsewhere(host: &Host, key: TileKey, bytes: Bytes) -> Result<DecodedTile, FetchError> {
     if matches!(key.kind(), TileKind::Subtree | TileKind::Visibility) {
-        return decode(key, &bytes).map_err(FetchError::Damaged);
+        return decode_index(key, &bytes).map_err(FetchError::Damaged);
     }
     let decoded = JsFuture::from(host.decode(&key_numbers(key), Uint8Array::from(&bytes[..]))).await;
-    let decoded: Uint8Array =
-        decoded.map_err(|_| FetchError::Damaged(DecodeError::Invalid("a tile that does not decode")))?.unchecked_into();
+    let decoded: Uint8Array = decoded.map_err(|reason| not_decoded(&reason))?.unchecked_into();
     transfer::from_bytes(&decoded.to_vec()).map(DecodedTile::Packed).map_err(FetchError::Damaged)
+}
+
+/// The module that decodes meshes may not have come: then the tile is not at fault.
+fn not_decoded(reason: &JsValue) -> FetchError {
+    match Reflect::get(reason, &"isTemporary".into()) {
+        Ok(is_temporary) if is_temporary.is_truthy() => {
+            FetchError::Network("the module that decodes meshes cannot be fetched".into())
+        }
+        _ => FetchError::Damaged(DecodeError::Invalid("a tile that does not decode")),
+    }
 }
