@@ -133,7 +133,9 @@ impl<S: Simd> RayPacket<S> {
         ray_directions(simd, frame, [float_u::<S>(self.x) + right, float_u::<S>(self.y) + down])
     }
 
-    #[inline(always)]
+    // Vector instructions of a CPU need it in the function that has them. WebAssembly has one set, and would have three copies to fetch.
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
     pub(super) fn trace(
         &self,
         simd: S,
