@@ -5,6 +5,7 @@ pub mod building_base;
 pub mod counted_float;
 pub mod facade;
 pub mod footprint;
+pub mod image_cut;
 pub mod map_store;
 pub mod paint;
 pub mod palette;

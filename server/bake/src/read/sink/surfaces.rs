@@ -5,9 +5,10 @@ use super::outward::{Facing, ShellSums, has_direction};
 use super::{FLUSH_TRIANGLES, SceneSink};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::scratch_scene::StoredMaterial;
-use insula_dress::alpha_mask::AlphaMask;
+use insula_dress::alpha_mask::{AlphaMask, Piece};
 use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::by_use;
+use insula_dress::image_cut::cut_at_images;
 use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z, object_kind};
 use insula_dress::polygon::CROSSING;
 use insula_source::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, WholeBuilding, Wrap};
@@ -281,16 +282,12 @@ impl ObjectLook<'_> {
 }
 
 impl SurfaceLook {
-    /// Texture coordinates as the scene has them, where textures repeat; zero without a texture.
+    /// Texture coordinates; zero without a texture.
     fn uv(self, uv: [f32; 2]) -> [f32; 2] {
-        match self.wrap {
-            None => [0.0; 2],
-            Some(Wrap::Repeat | Wrap::Mirror) => uv,
-            Some(Wrap::Clamp | Wrap::None) => uv.map(|c| c.clamp(0.0, 1.0)),
-        }
+        if self.wrap.is_some() { uv } else { [0.0; 2] }
     }
 
-    /// Adds a triangle without the holes of its texture.
+    /// Adds a triangle without the holes of its texture. Textures repeat in the scene.
     fn add_triangle(
         self,
         corners: [[f64; 3]; 3],
@@ -299,15 +296,14 @@ impl SurfaceLook {
         min_edge_m: f64,
         faces: &mut Vec<WorldTriangle>,
     ) {
-        match mask {
-            None => faces.push(self.triangle(corners, uv)),
-            Some(mask) => {
-                mask.cut((corners, uv), min_edge_m, &mut |(corners, uv)| faces.push(self.triangle(corners, uv)));
-            }
-        }
+        let wrap = self.wrap.unwrap_or_default();
+        cut_at_images((corners, uv), wrap, &mut |piece| match mask {
+            None => faces.push(self.triangle(piece)),
+            Some(mask) => mask.cut(piece, min_edge_m, &mut |piece| faces.push(self.triangle(piece))),
+        });
     }
 
-    fn triangle(self, corners: [[f64; 3]; 3], uv: [[f32; 2]; 3]) -> WorldTriangle {
+    fn triangle(self, (corners, uv): Piece) -> WorldTriangle {
         WorldTriangle { corners, uv, material: self.material, is_facade: self.is_facade }
     }
 }
