@@ -111,6 +111,10 @@ pub const COARSER_TABLE: &str = "table not read, another one has the same in mor
 pub const PART_NOT_READ: &str = "part of a model not read";
 /// Kind of the problem that a program has not yet written its changes to a database.
 pub const UNSAVED: &str = "changes beside a database not read";
+/// Kind of the problem that a GIS format has outlines of buildings of OpenStreetMap and their parts, of which only its own files tell which
+/// belong together.
+pub const OUTLINES_AND_PARTS: &str =
+    "outlines of buildings drawn through their parts: give the map of OpenStreetMap itself (.osm, .osm.pbf)";
 
 /// Kinds of the problems that an image of a texture is not read: there is none.
 pub const TEXTURE_MISSING: &str = "texture missing";
@@ -140,7 +144,7 @@ pub(crate) const GUESSES: &[&str] = &[
     SWAPPED, MIRRORED, OUTSIDE, NO_CRS, SEVERAL_SYSTEMS, UNIT_GUESSED, CUT_NAME, BASE_ABOVE_TOP, RELATIVE_HEIGHTS,
     SEVERAL_VALUES, ENCODING_GUESSED, MARK_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, COARSE_TERRAIN, ODD_ZEROS,
     ZERO_HEIGHTS, MISSING_GROUND, KIND_BY_NAME, KIND_AGAINST_NAME, TREES_BY_COLUMN, TREE_HEIGHT, NO_TRANSFORM,
-    MESH_UNIT, MESH_UP, GLTF_UP,
+    MESH_UNIT, MESH_UP, GLTF_UP, OUTLINES_AND_PARTS,
 ];
 /// What is lost as a whole.
 pub(crate) const LOSSES: &[&str] = &[

@@ -12,7 +12,7 @@ use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
-use insula_source::problems::{MISSING_GROUND, NO_CRS, TREES_BY_COLUMN};
+use insula_source::problems::{MISSING_GROUND, NO_CRS, OUTLINES_AND_PARTS, TREES_BY_COLUMN};
 use insula_source::text::split_words;
 
 /// What most formats mean by longitude and latitude.
@@ -83,6 +83,9 @@ pub(crate) struct FeatureWriter<'a> {
     decisive: [u64; 2],
     /// Guesses of kinds that were named for the layer.
     guesses: Vec<&'static str>,
+    /// Whether there are outlines of buildings of OpenStreetMap, and parts of them.
+    has_outlines: bool,
+    has_parts: bool,
     count: u64,
 }
 
@@ -106,6 +109,8 @@ impl<'a> FeatureWriter<'a> {
             has_only_plans: false,
             decisive: [0; 2],
             guesses: Vec::new(),
+            has_outlines: false,
+            has_parts: false,
             count: 0,
         }
     }
@@ -327,7 +332,10 @@ impl<'a> FeatureWriter<'a> {
                         self.sink.skip(reason, id);
                         Ok(())
                     }
-                    None => self.sink.add(self.object(id, kind, attributes, shape)),
+                    None => {
+                        self.note_parts(&id, kind, &attributes, &shape);
+                        self.sink.add(self.object(id, kind, attributes, shape))
+                    }
                 }
             }
             Err(reason) => {
@@ -361,6 +369,19 @@ impl<'a> FeatureWriter<'a> {
             None => format!("not taken as {by_name}; if they are no buildings, rename the attribute of heights"),
         };
         self.sink.problem(problem, format!("{}: {what_to_do}", self.layer.name));
+    }
+
+    /// Names, once, that outlines are drawn besides their parts.
+    fn note_parts(&mut self, id: &str, kind: FeatureKind, attributes: &Attributes, shape: &Shape) {
+        if self.has_outlines && self.has_parts || !matches!(shape, Shape::Footprints(_)) {
+            return;
+        }
+        let has = |key: &str| attributes.named(key).is_some();
+        self.has_outlines |= kind == FeatureKind::Building && has("building");
+        self.has_parts |= kind == FeatureKind::BuildingPart && has("building:part");
+        if self.has_outlines && self.has_parts {
+            self.sink.problem(OUTLINES_AND_PARTS, format!("{}: {id}", self.layer.name));
+        }
     }
 
     fn object(&self, id: String, kind: FeatureKind, attributes: Attributes, shape: Shape) -> SourceObject {

@@ -4,7 +4,7 @@ use super::{read, rings, run};
 use crate::vector::{read_csv, read_geojson};
 use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, Shape};
-use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, NO_SEA, TREES_BY_COLUMN};
+use insula_source::problems::{KIND_AGAINST_NAME, KIND_BY_NAME, NO_SEA, OUTLINES_AND_PARTS, TREES_BY_COLUMN};
 use insula_source::testing::TestSink;
 
 fn features(name: &str, header: &str, lines: &[&str]) -> TestSink {
@@ -34,6 +34,19 @@ fn level_polygons_are_plans_and_others_surfaces() {
     }
     assert!(matches!(sink.objects[3].shape, Shape::Footprints(_)), "a plan on uneven ground");
     assert!(kinds(&sink).iter().all(|kind| *kind == FeatureKind::Building));
+}
+
+#[test]
+fn outlines_beside_their_parts_are_named_once() {
+    let line = |building: &str, part: &str| format!("\"POLYGON((0 0,9 0,9 9,0 9,0 0))\";{building};{part};9");
+    let named = |lines: &[String]| {
+        let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
+        let sink = features("town.csv", "wkt;building;building:part;height", &lines);
+        assert_eq!(sink.objects.len(), lines.len());
+        sink.problems.iter().filter(|(kind, _)| *kind == OUTLINES_AND_PARTS).count()
+    };
+    assert_eq!(named(&[line("yes", ""), line("", "yes"), line("yes", ""), line("", "yes")]), 1);
+    assert_eq!([named(&[line("yes", ""), line("house", "")]), named(&[line("", "yes"), line("", "roof")])], [0, 0]);
 }
 
 #[test]
