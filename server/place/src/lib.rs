@@ -3,6 +3,7 @@
 pub mod crs;
 pub mod earth_place;
 pub mod local_frame;
+mod mesh_shift;
 mod options;
 pub mod placement;
 

@@ -1,9 +1,10 @@
 //! Where a mesh file stands that has no coordinate system: `--at`, or a file beside it.
 //!
 //! `statue.glb.place.json` places `statue.glb`: `{"lon": 11.575, "lat": 48.137, "height": 519, "heading": 30, "scale": 0.01}`. Programs for
-//! photogrammetry write `metadata.xml`, with a coordinate system and the place of the origin of all meshes in it.
+//! photogrammetry write `metadata.xml`, with a coordinate system and the place of the origin of all meshes in it, or a shift for each.
 
 use crate::crs::{System, resolve};
+use crate::mesh_shift::MeshShift;
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
 use insula_source::remote::is_address;
@@ -64,9 +65,11 @@ fn one() -> f64 {
     1.0
 }
 
-/// The coordinate system and origin of meshes, from `metadata.xml`.
+/// The coordinate system and origin of meshes, from `metadata.xml` or files of shifts.
 struct ModelMetadata {
-    /// Name of a coordinate system.
+    /// Name of the file.
+    file: String,
+    /// Name of a coordinate system; empty if the file does not tell it.
     system: String,
     /// Place of their origin in it.
     origin: [f64; 3],
@@ -76,10 +79,14 @@ impl ModelMetadata {
     /// Of the nearest file; `None` if there is none, or it is of something else.
     fn of(source: &CitySource<'_>) -> Option<Self> {
         let ends = source.name.rmatch_indices('/').map(|(end, _)| end + 1).chain([0]);
-        ends.take(1 + FOLDERS_ABOVE).find_map(|end| {
+        let metadata = ends.take(1 + FOLDERS_ABOVE).find_map(|end| {
             let name = format!("{}{METADATA_FILE}", source.name.get(..end)?);
             let bytes = read_sibling(&*source.files, &name, MAX_FILE_BYTES).ok()?;
             Self::parse(&String::from_utf8_lossy(&bytes))
+        });
+        metadata.or_else(|| {
+            let MeshShift { file, system, origin } = MeshShift::of(source)?;
+            Some(Self { file, system, origin })
         })
     }
 
@@ -91,7 +98,7 @@ impl ModelMetadata {
         let system = inner("SRS")?.replace("&quot;", "\"").replace("&apos;", "'").replace("&amp;", "&");
         let numbers = inner("SRSOrigin")?.split(',').map(|number| number.trim().parse::<f64>().ok());
         let origin: [f64; 3] = numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
-        origin.iter().all(|number| number.is_finite()).then_some(Self { system, origin })
+        origin.iter().all(|number| number.is_finite()).then(|| Self { file: METADATA_FILE.to_owned(), system, origin })
     }
 
     /// `None` if the system is not known, or neither that of a map nor a place: heights of others may be of any kind.
@@ -115,15 +122,14 @@ impl ModelMetadata {
     }
 }
 
-/// Warning about a mesh whose `metadata.xml` gives its place in an unsupported coordinate system.
+/// Warning about a mesh whose `metadata.xml` or shift gives its place in an unsupported coordinate system, or in none.
 pub fn unread_place(source: &CitySource<'_>) -> Option<String> {
-    let ModelMetadata { system, origin: [x, y, z] } = ModelMetadata::of(source)?;
-    Some(format!(
-        "{METADATA_FILE} places its origin at {x}, {y}, {z} of {system}, which is not read; give --at LON,LAT,H"
-    ))
+    let ModelMetadata { file, system, origin: [x, y, z] } = ModelMetadata::of(source)?;
+    let system = if system.is_empty() { "a coordinate system that it does not tell" } else { system.as_str() };
+    Some(format!("{file} places its origin at {x}, {y}, {z} of {system}, which is not read; give --at LON,LAT,H"))
 }
 
-/// Coordinate system and frame of a mesh file: those of the file beside it, else `at`, else those of `metadata.xml`, else none. Fails if the
+/// Coordinate system and frame of a mesh file: those of the file beside it, else `at`, else those of photogrammetry, else none. Fails if the
 /// file beside it is invalid.
 pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(CrsReference, LocalFrame)>, InputError> {
     let name = format!("{}{PLACE_FILE}", source.name);
@@ -212,6 +218,18 @@ mod tests {
         let (found, _) = placed("EPSG:25832", Some([1.0, 2.0, 3.0]));
         assert_eq!(found.unwrap().0.name, "ENU:1,2,3");
         assert!(ModelMetadata::parse("<gmd:MD_Metadata/>").is_none());
+    }
+
+    #[test]
+    fn shifts_of_photogrammetry_place_meshes() {
+        let files: [(&str, &[u8]); 3] =
+            [("m.obj", b""), ("m_offset.xyz", b"566000 5932000 12.5"), ("m.prj", b"EPSG:25832")];
+        let (reference, frame) = find(&embedded(&files)[0], None).unwrap().unwrap();
+        assert_eq!((reference.name.as_str(), frame.origin), ("EPSG:25832", [566_000.0, 5_932_000.0, 12.5]));
+        let sources = embedded(&files[..2]);
+        let without = &sources[0];
+        assert_eq!(find(without, None).unwrap(), None);
+        assert!(unread_place(without).is_some_and(|text| text.contains("m_offset.xyz") && text.contains("not tell")));
     }
 
     #[test]
