@@ -123,6 +123,11 @@ fn is_cellar<'t>(tag: &impl Fn(&str) -> Option<Cow<'t, str>>) -> bool {
     begins_below && number(&["building:levels", "levels", "num_floors"]).is_some_and(|levels| levels <= 0.0)
 }
 
+/// Whether a value means yes, in any type or larger language.
+pub fn is_yes(value: &AttributeValue) -> bool {
+    is_true(&value.to_string())
+}
+
 fn is_true(value: &str) -> bool {
     let value = value.trim().to_lowercase();
     YES.contains(&value.as_str())

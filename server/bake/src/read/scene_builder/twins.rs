@@ -3,7 +3,7 @@
 use super::pending::PendingObject;
 use super::{SceneBuilder, subtract_from_report};
 use crate::error::BakeError;
-use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, SimilarPair, similar_pairs};
+use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, PlacedBox, SimilarPair, similar_pairs};
 use insula_scratch::record_list::RecordScratch;
 use insula_scratch::record_sorter::{RecordSorter, SortedRecords};
 use insula_source::report::SourceReport;
@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
 type PairSorter = RecordSorter<SimilarPair>;
+
+/// Parts on the ground whose boxes have less of the area of their outline's are added to it, as a mast on a roof is.
+const LEAST_COVER: f64 = 0.25;
 
 /// One of both objects of a pair.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -25,6 +28,16 @@ struct NamedOutline {
     id_hash: u64,
     /// The object; `None` if it is the parent of another one.
     object: Option<u64>,
+    /// Of the object, or of the other one.
+    bounds: PlacedBox,
+}
+
+/// Whether parts may stand for their outline, by their boxes.
+fn may_cover(outline: &PlacedBox, parts: &[PlacedBox]) -> bool {
+    let area = |bounds: &PlacedBox| (bounds.high[0] - bounds.low[0]) * (bounds.high[1] - bounds.low[1]);
+    let middle_m = (outline.low[2] + outline.high[2]) / 2.0;
+    let on_ground = parts.iter().filter(|part| part.low[2] < middle_m).map(area).sum::<f64>();
+    on_ground >= LEAST_COVER * area(outline)
 }
 
 fn by_pair(a: &SimilarPair, b: &SimilarPair) -> Ordering {
@@ -77,7 +90,8 @@ impl SceneBuilder {
         folder.map_or_else(|| self.pending.scratch(), RecordScratch::in_folder)
     }
 
-    /// Leaves out the objects that others name as their parent, where the source says that the parts show them.
+    /// Leaves out the objects that others name as their parent, where the source says that the parts show them, and these are not
+    /// too small for it.
     fn drop_outlines_of_parts(&mut self, sources: &mut [SourceReport]) -> Result<(), BakeError> {
         let mut has_outlines = false;
         self.pending.try_for_each(|_, object| {
@@ -97,21 +111,25 @@ impl SceneBuilder {
                 return Ok::<_, BakeError>(());
             }
             if let Some(id_hash) = object.relation.parent {
-                named.push(NamedOutline { id_hash, object: None })?;
+                named.push(NamedOutline { id_hash, object: None, bounds: object.place() })?;
             }
             if object.relation.yields_to_parts {
-                named.push(NamedOutline { id_hash: object.id_hash, object: Some(number as u64) })?;
+                let (id_hash, bounds) = (object.id_hash, object.place());
+                named.push(NamedOutline { id_hash, object: Some(number as u64), bounds })?;
             }
             Ok(())
         })?;
         let mut outlines = RecordSorter::new(&scratch, u64::cmp);
-        let mut parent = None;
-        named.finish()?.try_for_each(|NamedOutline { id_hash, object }| match object {
+        let (mut parent, mut parts) = (None, Vec::new());
+        named.finish()?.try_for_each(|NamedOutline { id_hash, object, bounds }| match object {
             None => {
-                parent = Some(id_hash);
+                if parent.replace(id_hash) != Some(id_hash) {
+                    parts.clear();
+                }
+                parts.push(bounds);
                 Ok(())
             }
-            Some(object) if parent == Some(id_hash) => outlines.push(object),
+            Some(object) if parent == Some(id_hash) && may_cover(&bounds, &parts) => outlines.push(object),
             Some(_) => Ok(()),
         })?;
         outlines

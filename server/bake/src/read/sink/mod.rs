@@ -18,14 +18,13 @@ mod told_heights;
 use super::context::{ByteProgress, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, PendingLandmark, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
-use insula_dress::footprint::{ENDED, HeightHints, has_ended, has_height, is_hidden};
+use insula_dress::footprint::{ENDED, HeightHints, has_ended, has_height, is_hidden, is_yes};
 use insula_place::PlacingOptions;
 use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};
 use insula_protocol::text::human_bytes;
 use insula_read_ground::HEIGHTS_M;
-use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{
@@ -276,7 +275,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
             return;
         }
         // Overture's outline of a building whose parts are features of their own.
-        let yields_to_parts = attributes.get("has_parts") == Some(&AttributeValue::Bool(true));
+        let yields_to_parts = attributes.named("has_parts").is_some_and(is_yes);
         let relation = ObjectRelation { lod: *lod, yields_to_parts, ..relation };
         builder.close_related(self.context.source, id, open, relation, &mut self.report);
     }

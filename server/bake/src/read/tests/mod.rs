@@ -6,6 +6,7 @@ mod elevation;
 mod ended;
 mod geojson;
 mod obj;
+mod overture;
 
 use super::*;
 use insula_source::testing::{gzip, utf16};
