@@ -128,6 +128,8 @@ pub const TEXTURE_BROKEN: &str = "texture broken";
 pub const TEXTURE_TOO_LARGE: &str = "texture too large";
 /// It is not fetched.
 pub const TEXTURE_ON_THE_WEB: &str = "texture on the web";
+/// What part of it belongs to which surface is told in a way that is not read.
+pub const TEXTURE_NOT_MAPPED: &str = "texture of a kind that is not read";
 /// Kind of the problem that the materials of an OBJ are lost.
 pub const LIBRARY_MISSING: &str = "material library missing";
 /// Reasons for leaving out a tile of a tileset: it cannot be read.
@@ -151,5 +153,5 @@ pub(crate) const LOSSES: &[&str] = &[
     NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_MEMOS, NO_COLUMN, NO_TABLE, UNSAVED, UNKNOWN_POINT, NO_SEA,
     COARSER_TABLE, PART_NOT_READ, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN, TEXTURE_MISSING, TEXTURE_OUTSIDE, INTERIOR,
     TEXTURE_UNREADABLE, TEXTURE_BROKEN, TEXTURE_TOO_LARGE, TEXTURE_ON_THE_WEB, LIBRARY_MISSING, TILE_UNREADABLE,
-    TILE_NOT_READ, TILE_NOT_FETCHED, SUBTREE_UNREADABLE,
+    TILE_NOT_READ, TILE_NOT_FETCHED, SUBTREE_UNREADABLE, TEXTURE_NOT_MAPPED,
 ];

@@ -9,6 +9,7 @@ use super::tree_builder::{BuildContext, Built, build, start_tree};
 use super::xml::{Event, XmlReader};
 use insula_source::error::InputError;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
+use insula_source::problems::{TEXTURE_NOT_MAPPED, TEXTURE_ON_THE_WEB};
 use memchr::memmem::Finder;
 
 /// Bytes before a match of [`Scan`] in which the tag begins.
@@ -127,7 +128,7 @@ impl SurfaceData<'_> {
             match self.local(data) {
                 "X3DMaterial" => self.read_material(appearances, data),
                 "ParameterizedTexture" => self.read_texture(appearances, data),
-                "GeoreferencedTexture" => self.problem("georeferenced texture not read", data),
+                "GeoreferencedTexture" => self.problem(TEXTURE_NOT_MAPPED, "georeferenced", data),
                 _ => {}
             }
         }
@@ -141,10 +142,11 @@ impl SurfaceData<'_> {
         self.tree.text_of(self.tree.child_named(self.names, node, local)?)
     }
 
-    fn problem(&mut self, kind: &'static str, data: u32) {
+    /// Reports a fault of a texture; `what` may be empty.
+    fn problem(&mut self, kind: &'static str, what: &str, data: u32) {
         let id = self.tree.attribute(data, AttributeKind::Id).or_else(|| self.child_text(data, "imageURI"));
-        let detail = id.unwrap_or("appearance").to_owned();
-        self.sink.problem(kind, detail);
+        let separator = if what.is_empty() { "" } else { ": " };
+        self.sink.problem(kind, format!("{}{separator}{what}", id.unwrap_or("appearance")));
     }
 
     fn read_material(&self, appearances: &mut Appearances, data: u32) {
@@ -172,10 +174,10 @@ impl SurfaceData<'_> {
 
     fn read_texture(&mut self, appearances: &mut Appearances, data: u32) {
         let Some(uri) = self.child_text(data, "imageURI").filter(|uri| !uri.is_empty()) else {
-            return self.problem("texture without an image", data);
+            return self.problem("texture without an image", "", data);
         };
         if uri.contains("://") && !uri.starts_with("file://") {
-            return self.problem("texture on the network not read", data);
+            return self.problem(TEXTURE_ON_THE_WEB, "", data);
         }
         let image = relative_to("", uri);
         let wrap = self.child_text(data, "wrapMode").map_or(Wrap::Repeat, Wrap::of_citygml);
@@ -191,13 +193,13 @@ impl SurfaceData<'_> {
                 _ => {}
             }
         }
-        for (is_so, kind) in [
-            (is_by_matrix, "texture coordinates by a matrix not read"),
-            (is_by_reference, "shared texture coordinates not read"),
-            (is_full, "too many texture coordinates"),
+        for (is_so, kind, what) in [
+            (is_by_matrix, TEXTURE_NOT_MAPPED, "texture coordinates by a matrix"),
+            (is_by_reference, TEXTURE_NOT_MAPPED, "shared texture coordinates"),
+            (is_full, "too many texture coordinates", ""),
         ] {
             if is_so {
-                self.problem(kind, data);
+                self.problem(kind, what, data);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::*;
 use insula_source::object::{SourceImage, SourceMaterial, SourceTexture, Wrap};
+use insula_source::problems::{TEXTURE_NOT_MAPPED, TEXTURE_ON_THE_WEB};
 
 const TEXTURE: &str = r##"<app:appearanceMember><app:Appearance><app:theme>photo</app:theme><app:surfaceDataMember>
 <app:ParameterizedTexture><app:imageURI>a%20b\c.jpg</app:imageURI><app:wrapMode>clamp</app:wrapMode><app:target uri="#p1"><app:TexCoordList>
@@ -72,5 +73,11 @@ fn misfits_are_problems_and_leave_the_surface() {
     assert_eq!(sink.problems, [("texture coordinates do not fit the ring", "b".into())]);
     let matrix = TEXTURE.replace("TexCoordList", "TexCoordGen");
     let sink = read_2(&(building("b", &multi_surface(&[polygon("p1", 1)])) + &matrix));
-    assert_eq!(sink.problems, [("texture coordinates by a matrix not read", "a%20b\\c.jpg".into())]);
+    assert_eq!(sink.problems, [(TEXTURE_NOT_MAPPED, "a%20b\\c.jpg: texture coordinates by a matrix".into())]);
+    let placed = TEXTURE.replace("ParameterizedTexture", "GeoreferencedTexture");
+    let on_the_web = TEXTURE.replace("a%20b\\c.jpg", "https://example.org/a.jpg");
+    for (texture, kind) in [(placed, TEXTURE_NOT_MAPPED), (on_the_web, TEXTURE_ON_THE_WEB)] {
+        let sink = read_2(&(building("b", &multi_surface(&[polygon("p1", 1)])) + &texture));
+        assert_eq!(sink.problems.iter().map(|(kind, _)| *kind).collect::<Vec<_>>(), [kind]);
+    }
 }
