@@ -146,7 +146,8 @@ impl SurfaceData<'_> {
     fn problem(&mut self, kind: &'static str, what: &str, data: u32) {
         let id = self.tree.attribute(data, AttributeKind::Id).or_else(|| self.child_text(data, "imageURI"));
         let separator = if what.is_empty() { "" } else { ": " };
-        self.sink.problem(kind, format!("{}{separator}{what}", id.unwrap_or("appearance")));
+        let detail = format!("{}{separator}{what}", id.unwrap_or("appearance"));
+        self.sink.problem(kind, detail);
     }
 
     fn read_material(&self, appearances: &mut Appearances, data: u32) {
