@@ -18,6 +18,7 @@ mod input_budget;
 pub mod json;
 pub mod letters;
 mod made;
+pub mod name_level;
 pub mod object;
 pub mod packed;
 pub mod problems;

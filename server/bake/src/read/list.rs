@@ -11,6 +11,7 @@ use insula_source::bucket::{self, BucketFiles, BucketInput};
 use insula_source::error::InputError;
 use insula_source::files::{FileRoots, FolderFiles};
 use insula_source::input::SourceFiles;
+use insula_source::name_level::finest_first;
 use insula_source::source::{CitySource, kind_by_name, read_file};
 use insula_source::{remote, unread_formats};
 use std::collections::{BTreeMap, HashSet};
@@ -29,7 +30,7 @@ const WHOLE_FOLDERS: [&str; 3] = ["tileset.json", "3dSceneLayer.json", "3dSceneL
 
 /// The sources of the inputs, and the files that no reader takes.
 pub(super) struct SourceList<'a> {
-    /// In the order of the inputs, those of a folder by name. A file that is given twice is in it once.
+    /// In the order of the inputs, those of a folder by name, the finest level first. A file that is given twice is in it once.
     pub(super) sources: Vec<CitySource<'a>>,
     /// Files in folders and archives whose format is known and not read, one line for each format.
     pub(super) unread: Vec<String>,
@@ -417,6 +418,7 @@ fn select(mut names: Vec<String>) -> SelectedFiles {
             }
         }
     }
+    finest_first(&mut selection.names);
     selection
 }
 
