@@ -2,7 +2,7 @@
 //!
 //! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
 
-use insula_dress::footprint::ENDED;
+use insula_dress::footprint::{ENDED, HAZARD};
 use insula_source::error::InputError;
 use insula_source::problems::{FAR, FEW_CORNERS, REMOVED};
 use insula_source::report::{BadInput, SourceReport};
@@ -50,10 +50,12 @@ impl BadInputs {
     }
 }
 
-/// The error of a source of which every object is left out; `None` if it has others, or none at all, or if a proposal removes them.
+/// The error of a source of which every object is left out; `None` if it has others, or none at all, if a proposal removes them, or if they
+/// are those of a hazard map, which publishers deliver with the city.
 pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
     let objects = source.skipped.values().map(|fault| fault.count).sum();
-    if source.objects + source.painted > 0 || objects == 0 || source.skipped.contains_key(REMOVED) {
+    let is_meant = [REMOVED, HAZARD].into_iter().any(|reason| source.skipped.contains_key(reason));
+    if source.objects + source.painted > 0 || objects == 0 || is_meant {
         return None;
     }
     let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;

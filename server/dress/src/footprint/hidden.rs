@@ -14,6 +14,8 @@ pub const UNDERGROUND: &str = "underground";
 pub const IN_TUNNEL: &str = "in a tunnel";
 /// Why an object inside a building is skipped.
 pub const INDOORS: &str = "indoors";
+/// Why an area of a hazard map is skipped.
+pub const HAZARD: &str = "area that a hazard map floods, no water";
 
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.
 const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
@@ -98,6 +100,16 @@ pub fn is_hidden(kind: FeatureKind, attributes: &Attributes) -> Option<&'static 
     };
     let tag = |name: &str| attributes.named(name).map(|value| Cow::Owned::<str>(text(value)));
     hidden(kind, tag).or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
+}
+
+/// Whether what has the type of water is an area that may be flooded. PLATEAU has them so, because CityGML has no other type for them.
+pub fn is_hazard(kind: FeatureKind, attributes: &Attributes) -> bool {
+    let is_risk = |name: &str| name.to_ascii_lowercase().contains("riskattribute");
+    let is_flood = |name: &str, value: &AttributeValue| {
+        let name = name.rsplit([':', '.']).next().unwrap_or_default();
+        matches!(name, "class" | "function") && value.as_str().is_some_and(|text| text.contains("浸水"))
+    };
+    kind == FeatureKind::Water && attributes.iter().any(|(name, value)| is_risk(name) || is_flood(name, value))
 }
 
 /// Whether a flag of Overture says that all of a road or rail is in a tunnel. Flags may be of a part only.
@@ -208,6 +220,24 @@ mod tests {
         ] {
             assert_eq!(reason(kind, pairs), Some(expected), "{pairs:?}");
         }
+    }
+
+    #[test]
+    fn areas_of_hazard_maps_are_no_water() {
+        let hazard = |kind, name: &str, value: &str| {
+            let mut attributes = Attributes::default();
+            attributes.push(name, AttributeValue::from_untyped(value));
+            is_hazard(kind, &attributes)
+        };
+        for (name, value) in [
+            ("floodingRiskAttribute.rank", "3"),
+            ("uro:WaterBodyTsunamiRiskAttribute_depth", "1.5"),
+            ("wtr:function", "高潮浸水想定区域"),
+        ] {
+            assert!(hazard(Water, name, value), "{name}");
+        }
+        assert!(!hazard(Water, "function", "河川") && !hazard(Water, "name", "浸水公園"));
+        assert!(!hazard(Building, "buildingDisasterRiskAttribute.rank", "3"));
     }
 
     #[test]

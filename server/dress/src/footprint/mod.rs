@@ -21,7 +21,7 @@ pub use colour::{ResolvedColour, building_colours, by_use};
 pub use ended::{ENDED, has_ended};
 pub use height::{BuildingHeight, HeightHints, has_height, known_height_m, needs_ground};
 pub use height_names::is_height;
-pub use hidden::{IN_TUNNEL, INDOORS, UNDERGROUND, hidden, is_hidden, is_yes};
+pub use hidden::{HAZARD, IN_TUNNEL, INDOORS, UNDERGROUND, hidden, is_hazard, is_hidden, is_yes};
 pub use kind::kind_of;
 pub use lengths::length_m;
 pub use line_width::{AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, usual_width_m};

@@ -18,7 +18,7 @@ mod told_heights;
 use super::context::{ByteProgress, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, PendingLandmark, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
-use insula_dress::footprint::{ENDED, HeightHints, has_ended, has_height, is_hidden, is_yes};
+use insula_dress::footprint::{ENDED, HAZARD, HeightHints, has_ended, has_height, is_hazard, is_hidden, is_yes};
 use insula_place::PlacingOptions;
 use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
@@ -304,6 +304,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         }
         if self.has_ended(&object, whole) {
             self.report.skip(ENDED, || object.id);
+            return Ok(());
+        }
+        if is_hazard(object.kind, &object.attributes) {
+            self.report.skip(HAZARD, || object.id);
             return Ok(());
         }
         if let Some(shape) = &mut self.mesh_shape {

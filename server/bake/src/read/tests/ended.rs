@@ -1,7 +1,7 @@
 //! Objects that are no longer there, and their parts.
 
 use super::{embedded, ids};
-use insula_dress::footprint::ENDED;
+use insula_dress::footprint::{ENDED, HAZARD};
 
 #[test]
 fn parts_of_an_ended_building_are_left_out_with_it() {
@@ -69,4 +69,23 @@ fn what_registers_call_demolished_is_left_out() {
     assert_eq!((ids(&scene), &report.sources[0].skipped[ENDED].first[..]), (vec!["b"], &["a".to_owned()][..]));
     let error = read(&old).unwrap_err().to_string();
     assert!(error.contains(ENDED), "{error}");
+}
+
+#[test]
+fn files_of_hazard_maps_are_left_out_beside_the_city() {
+    let document = |object: &str| {
+        format!(
+            r#"{{"type": "CityJSON", "version": "2.0", "vertices": [[0,0,0],[9,0,0],[9,9,0],[0,9,9]], "CityObjects": {{{object}}}}}"#
+        )
+    };
+    let geometry =
+        r#""geometry": [{"type": "MultiSurface", "lod": "1", "boundaries": [[[0,1,2]], [[0,2,3]], [[0,1,3]]]}]"#;
+    let flood = format!(
+        r#""flood": {{"type": "WaterBody", {geometry}, "attributes": {{"floodingRiskAttribute": {{"rank": "3"}}}}}}"#
+    );
+    let house = format!(r#""house": {{"type": "Building", {geometry}}}"#);
+    let (flood, house) = (document(&flood), document(&house));
+    let files: [(&str, &[u8]); 2] = [("fld.city.json", flood.as_bytes()), ("house.city.json", house.as_bytes())];
+    let (scene, report) = embedded(&files).unwrap();
+    assert_eq!((ids(&scene), report.sources[0].skipped[HAZARD].count), (vec!["house"], 1));
 }

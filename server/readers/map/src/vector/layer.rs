@@ -35,7 +35,9 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::Rail, &["rail", "rails", "railway", "railways", "spoor", "tram", "trams"]),
     (
         FeatureKind::Water,
-        &split_words::<11>("water waters waterway waterways river rivers lake lakes waterdeel hydro ocean"),
+        &split_words::<13>(
+            "water waters waterway waterways waterbody waterbodies river rivers lake lakes waterdeel hydro ocean",
+        ),
     ),
     (FeatureKind::Vegetation, &["forest", "forests", "wood", "woods", "park", "parks"]),
     (
