@@ -100,7 +100,7 @@ fn halves(piece: &[UvCorner], axis: usize, border: f32) -> [Vec<UvCorner>; 2] {
         if own < 0.0 && other > 0.0 || own > 0.0 && other < 0.0 {
             let share = own / (own - other);
             let place = array::from_fn(|i| corner.0[i] + share * (next.0[i] - corner.0[i]));
-            let mut uv = array::from_fn(|i| corner.1[i] + share as f32 * (next.1[i] - corner.1[i]));
+            let mut uv: [f32; 2] = array::from_fn(|i| corner.1[i] + share as f32 * (next.1[i] - corner.1[i]));
             uv[axis] = border;
             below.push((place, uv));
             above.push((place, uv));

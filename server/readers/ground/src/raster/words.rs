@@ -71,7 +71,24 @@ impl<'s> Words<'s> {
     }
 }
 
-/// A number, with a point or a comma.
+/// A number, with a point or a comma; also what is none in the words of the C library of Windows, such as `-nan(ind)` and `1.#QNAN`.
 pub(super) fn number_of(word: &str) -> Option<f64> {
-    word.parse().ok().or_else(|| word.replace(',', ".").parse().ok())
+    let number = word.parse().ok().or_else(|| word.replace(',', ".").parse().ok());
+    let digits = word.trim_start_matches(['+', '-']);
+    let is_none = || digits.starts_with("1.#") || digits.to_ascii_lowercase().starts_with("nan(");
+    number.or_else(|| is_none().then_some(f64::NAN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_as_programs_of_any_system_write_them() {
+        assert_eq!([number_of("-1.5"), number_of("1,5"), number_of("2e3")], [Some(-1.5), Some(1.5), Some(2000.0)]);
+        for word in ["nan", "-nan(ind)", "-NaN(snan)", "1.#QNAN", "-1.#IND", "1.#INF"] {
+            assert!(number_of(word).is_some_and(|number| !number.is_finite()), "{word}");
+        }
+        assert_eq!(["ncols", "x", "", "1.2.3"].map(number_of), [None; 4]);
+    }
 }
