@@ -248,6 +248,9 @@ pub enum SourceImage {
     Texels { name: String, width: u32, height: u32, rgba: Rc<[[u8; 4]]> },
 }
 
+/// Texels with less alpha are holes, where a format tells no other number.
+pub const ALPHA_CUTOFF: f32 = 0.5;
+
 /// What texture coordinates outside of 0 to 1 mean.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Wrap {
@@ -269,6 +272,12 @@ impl Wrap {
             _ => Self::Repeat,
         }
     }
+}
+
+/// The least alpha of what is drawn of an image of a city model. PNG files have holes where leaves and fences end, of which CityGML and
+/// CityJSON say nothing.
+pub fn png_cutoff(image: &str) -> Option<f32> {
+    image.to_ascii_lowercase().ends_with(".png").then_some(ALPHA_CUTOFF)
 }
 
 /// Order of the coordinates of the positions that a reader passes on.

@@ -4,6 +4,7 @@ use super::{embedded, ids, range};
 use crate::read::texture::tests::png;
 use crate::read::{InputError, ObjUpAxis, Palette, PaletteMode, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
+use insula_source::problems::PART_NOT_READ;
 use insula_source::testing::gzip;
 use insula_test_support::rng::Rng;
 
@@ -35,6 +36,27 @@ fn faces_have_colour_texture_and_texture_coordinates() {
     assert_eq!((report.sources[0].textures, report.sources[0].problems.len()), (1, 0));
     assert_eq!(scene.objects[0].base_z_m, 0.0);
     assert_eq!(scene.origin[2], 1.0);
+}
+
+#[test]
+fn alpha_makes_holes_and_is_named_if_it_is_in_an_image_of_its_own() {
+    let mut image = std::io::Cursor::new(Vec::new());
+    let hole = |x: u32, _: u32| image::Rgba([1, 2, 3, if x < 8 { 0 } else { 255 }]);
+    image::RgbaImage::from_fn(16, 16, hole).write_to(&mut image, image::ImageFormat::Png).unwrap();
+    let area = |alpha: &str| {
+        let mtl = format!("newmtl wall\nmap_Kd wall.png\n{alpha}\n");
+        let obj = SQUARE.replace("2.5", "1");
+        let files: [(&str, &[u8]); 3] =
+            [("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes()), ("wall.png", image.get_ref())];
+        let (scene, report) = read(&files);
+        let area = |triangle: &crate::scene::SceneTriangle| {
+            let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
+            (b - a).cross(c - a).length() / 2.0
+        };
+        let is_named = report.sources[0].problems.contains_key(PART_NOT_READ);
+        (scene.triangles.iter().map(area).sum::<f32>().round(), is_named)
+    };
+    assert_eq!([area(""), area("map_d wall.png"), area("map_d other.png")], [(4.0, false), (2.0, false), (2.0, true)]);
 }
 
 #[test]

@@ -8,14 +8,12 @@ use super::tree::{AttributeKind, Tree, hash_of_reference};
 use super::tree_builder::{BuildContext, Built, build, start_tree};
 use super::xml::{Event, XmlReader};
 use insula_source::error::InputError;
-use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
+use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, png_cutoff};
 use insula_source::problems::{TEXTURE_NOT_MAPPED, TEXTURE_ON_THE_WEB};
 use memchr::memmem::Finder;
 
 /// Bytes before a match of [`Scan`] in which the tag begins.
 const TAG_BYTES: usize = 64;
-/// Texels of PNG textures with less alpha than this are holes.
-const ALPHA_CUTOFF: f32 = 0.5;
 
 /// Looks for elements with appearances in chunks of a file, without reading its XML.
 pub(super) struct Scan {
@@ -182,7 +180,7 @@ impl SurfaceData<'_> {
         }
         let image = relative_to("", uri);
         let wrap = self.child_text(data, "wrapMode").map_or(Wrap::Repeat, Wrap::of_citygml);
-        let alpha_cutoff = image.to_ascii_lowercase().ends_with(".png").then_some(ALPHA_CUTOFF);
+        let alpha_cutoff = png_cutoff(&image);
         let texture = Some(SourceTexture { image: SourceImage::File(image), wrap });
         let material = appearances.add_material(SourceMaterial { texture, alpha_cutoff, ..SourceMaterial::default() });
         let (mut is_by_matrix, mut is_by_reference, mut is_full) = (false, false, false);

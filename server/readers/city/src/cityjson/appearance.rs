@@ -2,7 +2,7 @@
 
 use super::nested::Nested;
 use super::schema::{CityJsonAppearance, CityJsonMaterial};
-use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
+use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, png_cutoff};
 use std::collections::HashMap;
 
 /// Opacity of all materials that something can be seen through: writers disagree on which end of the scale is opaque, so
@@ -53,12 +53,16 @@ impl<'a> AppearanceReader<'a> {
         let add = || {
             let material = material.and_then(|number| materials.get(number));
             let rgb = material.and_then(CityJsonMaterial::rgb);
-            let texture = texture.and_then(|number| textures.get(number)).map(|texture| SourceTexture {
+            let texture = texture.and_then(|number| textures.get(number));
+            let alpha_cutoff = texture.and_then(|texture| png_cutoff(&texture.image));
+            let texture = texture.map(|texture| SourceTexture {
                 image: SourceImage::File(texture.image.replace('\\', "/")),
                 wrap: texture.wrap_mode.as_str().map_or(Wrap::Repeat, Wrap::of_citygml),
             });
             if texture.is_some() {
-                return sink.add_material(SourceMaterial { untextured_rgb: rgb, texture, ..SourceMaterial::default() });
+                let untextured_rgb = rgb;
+                let textured = SourceMaterial { untextured_rgb, texture, alpha_cutoff, ..SourceMaterial::default() };
+                return sink.add_material(textured);
             }
             let is_transparent = material.is_some_and(CityJsonMaterial::is_transparent);
             let opacity = if is_transparent { GLASS_OPACITY } else { 1.0 };

@@ -3,8 +3,8 @@
 use super::mtl::{self, MtlMaterial, UvMapping};
 use super::parse::{ObjFace, ObjFile};
 use insula_source::input::Input;
-use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, unit_to_byte};
-use insula_source::problems::LIBRARY_MISSING;
+use insula_source::object::{ALPHA_CUTOFF, ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap, unit_to_byte};
+use insula_source::problems::{LIBRARY_MISSING, PART_NOT_READ};
 use insula_source::source::read_sibling;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -39,6 +39,10 @@ pub(super) fn load_materials(
         if material.is_none() {
             sink.problem("material missing", name.clone());
         }
+        let is_other = |known: &&MtlMaterial| known.alpha.is_some() && known.alpha != known.texture;
+        if let Some(alpha) = material.filter(is_other).and_then(|known| known.alpha.as_deref()) {
+            sink.problem(PART_NOT_READ, format!("{name}: transparency in an image of its own, {alpha}"));
+        }
         let own = source_material(name, material);
         let (has_texture, mapping) = (own.texture.is_some(), material.map(|known| known.mapping).unwrap_or_default());
         materials[i] = FaceMaterial { has_texture, mapping, number: Some(sink.add_material(own)) };
@@ -57,6 +61,7 @@ fn source_material(name: &str, material: Option<&MtlMaterial>) -> SourceMaterial
         rgb: diffuse.filter(|rgb| texture.is_none() || *rgb != [0; 3]),
         untextured_rgb: diffuse,
         texture,
+        alpha_cutoff: material.and_then(|material| material.alpha.as_ref()).map(|_| ALPHA_CUTOFF),
         opacity: if material.is_some_and(MtlMaterial::is_glass) { GLASS_OPACITY } else { 1.0 },
         ..SourceMaterial::default()
     }

@@ -66,6 +66,8 @@ pub(super) struct MtlMaterial {
     pub(super) texture: Option<String>,
     /// Of the texture.
     pub(super) mapping: UvMapping,
+    /// File name of `map_d`, as written: often that of the texture, whose alpha is meant.
+    pub(super) alpha: Option<String>,
     /// `d`, from 0 (invisible) to 1 (opaque), or else 1 less `Tr`.
     dissolve: Option<f64>,
     /// `Ni`.
@@ -107,6 +109,10 @@ pub(super) fn parse(library: &[u8], materials: &mut HashMap<String, MtlMaterial>
             ("map_kd", Some((_, material))) => {
                 material.mapping = UvMapping::default();
                 material.texture = parse_texture(split_word(&decoded(bytes, encoding)).1, &mut material.mapping);
+            }
+            ("map_d", Some((_, material))) => {
+                let own = &mut UvMapping::default();
+                material.alpha = parse_texture(split_word(&decoded(bytes, encoding)).1, own);
             }
             ("d", Some((_, material))) => {
                 material.dissolve = rest.strip_prefix("-halo").unwrap_or(rest).trim().parse().ok();
@@ -198,6 +204,8 @@ mod tests {
         }
         parse(b"newmtl f\nmap_Kd -o 0.5 0.25 0 -s 2 4 1 f.png", &mut materials);
         assert_eq!(materials["f"].mapping.apply([1.0, 1.0]), [2.5, 4.25]);
+        parse(b"newmtl g\nmap_Kd tree.png\nmap_d -imfchan m tree.png", &mut materials);
+        assert_eq!(materials["g"].alpha, materials["g"].texture);
         parse(b"NEWMTL e\nkd 1 0 0\nmap_kd e.png", &mut materials);
         assert_eq!((materials["e"].diffuse, materials["e"].texture.as_deref()), (Some([1.0, 0.0, 0.0]), Some("e.png")));
     }
