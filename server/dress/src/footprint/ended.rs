@@ -16,14 +16,15 @@ const ENDS: &[&str] = &[
 ];
 /// Names of attributes with the state of an object, spelt alike.
 const STATES: &[&str] = &[
-    "status", "buildingstatus", "lifecyclestatus", "conditionofconstruction", "pandstatus", "bgtstatus", "plusstatus",
-    "valorcondicaoconst",
+    "status", "buildingstatus", "bldgstatus", "lifecyclestatus", "conditionofconstruction", "pandstatus", "bgtstatus",
+    "plusstatus", "valorcondicaoconst", "etat", "stato", "estado",
 ];
 /// States of what is not there, in lower case.
 const GONE: &[&str] = &[
     "demolished", "razed", "destroyed", "removed", "collapsed", "projected", "gesloopt", "pand gesloopt",
     "niet gerealiseerd pand", "bouwvergunning verleend", "historie", "demolido", "demolida", "demolito", "démoli",
-    "démolie", "abgerissen", "abgebrochen",
+    "démolie", "détruit", "en projet", "constructionproject", "canceledconstructionproject", "abgerissen",
+    "abgebrochen",
 ];
 /// Earlier and later years are marks of objects that have not ended, such as 9999-12-31.
 const YEARS: RangeInclusive<u32> = 1901..=2089;
@@ -97,6 +98,9 @@ mod tests {
             ("status", "Pand gesloopt"),
             ("STATUS", "demolished"),
             ("bgt-status", "historie"),
+            ("bldg_statu", "DEMOLISHED"),
+            ("ETAT", "En projet"),
+            ("status", "canceledConstructionProject"),
             ("CONDITIONO", "demolished"),
             ("conditionOfConstruction", "http://inspire.ec.europa.eu/codelist/ConditionOfConstructionValue/demolished"),
         ] {
@@ -121,6 +125,8 @@ mod tests {
             ("status", "Pand in gebruik"),
             ("status", "Sloopvergunning verleend"),
             ("status", "planned"),
+            ("bldg_statu", "ACTIVE"),
+            ("status", "ongoingConstruction"),
             ("roof_status", "removed"),
             ("conditionOfConstruction", "functional"),
         ] {
