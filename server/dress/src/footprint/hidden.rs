@@ -104,7 +104,7 @@ pub fn is_hidden(kind: FeatureKind, attributes: &Attributes) -> Option<&'static 
 
 /// Whether what has the type of water is an area that may be flooded. PLATEAU has them so, because CityGML has no other type for them.
 pub fn is_hazard(kind: FeatureKind, attributes: &Attributes) -> bool {
-    let is_risk = |name: &str| name.to_ascii_lowercase().contains("riskattribute");
+    let is_risk = |name: &str| name.contains("浸水") || name.to_ascii_lowercase().contains("riskattribute");
     let is_flood = |name: &str, value: &AttributeValue| {
         let name = name.rsplit([':', '.']).next().unwrap_or_default();
         matches!(name, "class" | "function") && value.as_str().is_some_and(|text| text.contains("浸水"))
@@ -233,6 +233,7 @@ mod tests {
             ("floodingRiskAttribute.rank", "3"),
             ("uro:WaterBodyTsunamiRiskAttribute_depth", "1.5"),
             ("wtr:function", "高潮浸水想定区域"),
+            ("浸水ランク", "3m以上5m未満"),
         ] {
             assert!(hazard(Water, name, value), "{name}");
         }

@@ -7,8 +7,8 @@ use super::{
 use crate::vector::read_geoparquet;
 use arrow_array::builder::{BinaryBuilder, ListBuilder, MapBuilder, StringBuilder, StructBuilder};
 use arrow_array::{
-    ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array, NullArray, RecordBatch,
-    StringArray, StructArray, Time32MillisecondArray, TimestampMillisecondArray,
+    ArrayRef, BinaryArray, BooleanArray, Date32Array, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray,
+    StructArray, Time32MillisecondArray, TimestampMillisecondArray,
 };
 use arrow_schema::{DataType, Field};
 use insula_source::attributes::AttributeValue;
@@ -135,7 +135,6 @@ fn texts_that_are_not_declared_are_read_and_columns_that_are_lost_named() {
         ("geometry", geometries(2)),
         ("street", Arc::new(BinaryArray::from(vec!["Straße 1".as_bytes(), b""]))),
         ("opens", Arc::new(Time32MillisecondArray::from(vec![1, 2]))),
-        ("nothing", Arc::new(NullArray::new(2))),
     ];
     let sink = read(read_geoparquet, &[("a.parquet", &file(columns, Some(WKB), Compression::SNAPPY))]);
     assert_eq!(sink.objects[0].attributes, attributes(&[("street", text("Straße 1"))]));
