@@ -50,15 +50,17 @@ impl BadInputs {
     }
 }
 
-/// The error of a source of which every object is left out; `None` if it has others, or none at all, if a proposal removes them, or if they
-/// are those of a hazard map, which publishers deliver with the city.
-pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
+/// The error of a source of which every object is left out; `None` if it has others, or none at all, or if a proposal removes them. What has
+/// ended, and hazard maps, are delivered with the city: they are an error only where the source `is_alone`.
+pub(super) fn nothing_left(source: &SourceReport, is_alone: bool) -> Option<InputError> {
     let objects = source.skipped.values().map(|fault| fault.count).sum();
-    let is_meant = [REMOVED, HAZARD].into_iter().any(|reason| source.skipped.contains_key(reason));
-    if source.objects + source.painted > 0 || objects == 0 || is_meant {
+    if source.objects + source.painted > 0 || objects == 0 || source.skipped.contains_key(REMOVED) {
         return None;
     }
     let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;
+    if !is_alone && [ENDED, HAZARD].contains(&reason.as_str()) {
+        return None;
+    }
     let example = fault.first.first().map(|first| format!(" ({first})")).unwrap_or_default();
     let advice = match reason.as_str() {
         FAR => "check its coordinate system and its units",

@@ -346,9 +346,10 @@ fn remove_empty_sources(
     bad: &mut BadInputs,
 ) -> Result<(), InputError> {
     let count = report.sources.len();
+    let is_alone = report.sources.iter().all(|source| source.objects + source.painted == 0);
     let all = std::mem::take(&mut report.sources).into_iter().zip(std::mem::take(set_of_source));
     for (source, set) in all {
-        if let Some(error) = nothing_left(&source) {
+        if let Some(error) = nothing_left(&source, is_alone) {
             bad.add(&source.path, error)?;
         } else {
             report.sources.push(source);

@@ -88,4 +88,10 @@ fn files_of_hazard_maps_are_left_out_beside_the_city() {
     let files: [(&str, &[u8]); 2] = [("fld.city.json", flood.as_bytes()), ("house.city.json", house.as_bytes())];
     let (scene, report) = embedded(&files).unwrap();
     assert_eq!((ids(&scene), report.sources[0].skipped[HAZARD].count), (vec!["house"], 1));
+    let error = embedded(&files[..1]).unwrap_err().to_string();
+    assert!(error.contains(HAZARD), "{error}");
+    let old = house.replace(r#""type": "Building","#, r#""type": "Building", "attributes": {"status": "demolished"},"#);
+    let files: [(&str, &[u8]); 2] = [("house.city.json", house.as_bytes()), ("old.city.json", old.as_bytes())];
+    let (scene, report) = embedded(&files).unwrap();
+    assert_eq!((ids(&scene), report.sources[1].skipped[ENDED].count), (vec!["house"], 1));
 }
