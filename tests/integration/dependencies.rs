@@ -105,7 +105,7 @@ impl Workspace {
 }
 
 /// The packages of the workspace that each may depend on.
-const ALLOWED: [(&str, &[&str]); 28] = [
+const ALLOWED: [(&str, &[&str]); 29] = [
     ("insula-protocol", &[]),
     ("insula-archive", &["insula-protocol"]),
     ("insula-command-line", &["insula-protocol", "insula-archive"]),
@@ -145,7 +145,8 @@ const ALLOWED: [(&str, &[&str]); 28] = [
         ],
     ),
     ("insula-viewer", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
-    ("insula-web-host", &["insula-protocol", "insula-objects", "insula-viewer"]),
+    ("insula-web-host", &["insula-protocol", "insula-objects", "insula-shaders", "insula-viewer"]),
+    ("insula-web-gpu", &["insula-shaders", "insula-viewer", "insula-web-host"]),
     ("insula-web-meshes", &["insula-protocol", "insula-viewer", "insula-web-host"]),
     ("insula-web-objects", &["insula-archive", "insula-objects", "insula-viewer", "insula-web-host"]),
     ("insula-web", &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer", "insula-web-host"]),

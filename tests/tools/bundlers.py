@@ -55,9 +55,8 @@ IMPORTS = {name: f"./node_modules/@insula/viewer/insula-{file}.js" for name, fil
 IMPORT_MAP = f'<script type="importmap">{json.dumps({"imports": IMPORTS})}</script>'
 # esbuild copies no files that scripts name: workers, module and shaders are entries of their own.
 ESBUILD = ["npx", "esbuild", "main.js", "@insula/viewer/engine.js", "@insula/viewer/cast-engine.js", "@insula/viewer/helper.js",
-           "@insula/viewer/insula_web_bg.wasm", "@insula/viewer/insula_web_meshes_bg.wasm", "@insula/viewer/insula_web_objects_bg.wasm",
-           "@insula/viewer/shaders.txt", "--bundle", "--format=esm", "--loader:.wasm=copy", "--loader:.txt=copy",
-           "--entry-names=[name]", "--outdir=dist"]
+           *(f"@insula/viewer/insula_web{part}_bg.wasm" for part in ("", "_gpu", "_meshes", "_objects")), "@insula/viewer/shaders.txt",
+           "--bundle", "--format=esm", "--loader:.wasm=copy", "--loader:.txt=copy", "--entry-names=[name]", "--outdir=dist"]
 TSC = ["npx", "tsc", "--noEmit", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--jsx",
        "react-jsx", "types.tsx"]
 NEXT_FILES = {"app/page.jsx": NEXT_PAGE, "app/layout.jsx": NEXT_LAYOUT, "app/main.js": "main.js"}

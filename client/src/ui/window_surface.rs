@@ -184,7 +184,7 @@ impl WindowSurface {
         let mut encoder = self.device.device.create_command_encoder(&label);
         let mut drawn = None;
         if let Some(SceneFrame { gpu, data }) = scene {
-            gpu.encode(&mut encoder, data).map_err(graphics_error)?;
+            gpu.encode(&mut encoder, &data.frame, &data.grid, &data.nodes).map_err(graphics_error)?;
             gpu.encode_query(&mut encoder, data);
             self.draw_scene(&mut encoder, gpu);
             drawn = Some(gpu);

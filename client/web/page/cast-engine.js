@@ -49,8 +49,8 @@ class FramePost {
     postMessage({ op: 'rest' });
   }
 
-  async drawn(viewer, step) {
-    const [camera, colours, bytes] = [this.#frameCamera, this.#canvas.transferToImageBitmap(), viewer.gpuDistances()];
+  async drawn(gpu, step) {
+    const [camera, colours, bytes] = [this.#frameCamera, this.#canvas.transferToImageBitmap(), gpu.distances()];
     this.#post(colours, colours, step, new Float32Array((await bytes).buffer), camera);
   }
 

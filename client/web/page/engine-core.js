@@ -1,10 +1,11 @@
 /** What owns a viewer in a worker: takes messages of the page, runs the frame loop, and reports. */
 
 import init, { CityViewer } from './insula_web.js';
+import initGpu, { GpuRenderer } from './insula_web_gpu.js';
 import initObjects, { ObjectReader } from './insula_web_objects.js';
 import { captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
-import { Network, compileObjects, compileViewer, fetchShaders, locate } from './network.js';
+import { Network, compileGpu, compileObjects, compileViewer, fetchShaders, locate } from './network.js';
 
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
@@ -22,7 +23,7 @@ compiled.catch(() => {});
  * @property {(step: object) => void} [begin] A step of a frame begins.
  * @property {(step: object, hit: Uint32Array) => void} [rows] Rows were drawn: for each its nodes, then its distances.
  * @property {(viewer: CityViewer, waitMs: number) => void} [rest] Nothing is drawn for this time, unless something changes.
- * @property {(viewer: CityViewer, step: object) => Promise<void>} [drawn] The GPU is drawing a frame: called in the task that began it.
+ * @property {(gpu: GpuRenderer, step: object) => Promise<void>} [drawn] The GPU is drawing a frame: called in the task that began it.
  */
 
 export class Engine {
@@ -34,6 +35,8 @@ export class Engine {
   /** @type {Helpers} */ #helpers;
   /** @type {Screen} */ #screen;
   /** @type {any} */ #options;
+  /** What draws on a GPU; `null` while the CPU does. @type {GpuRenderer|null} */ #gpu = null;
+  /** Whether the page knows that a GPU draws. */
   #isGpu = false;
   #isShown = false;
   #isVisible = true;
@@ -145,8 +148,10 @@ export class Engine {
 
   /** One step of the frame loop. Returns how long to wait before the next. */
   async #step() {
-    const lost = this.#viewer.lostGpu();
+    const lost = this.#gpu?.lost();
     if (lost !== undefined) this.#loseGpu(lost);
+    const hits = this.#gpu?.takeHits();
+    if (hits) this.#viewer.reportGpuHits(hits);
     if (this.#isShrinking) await this.#shrink();
     this.#changeModels();
     const step = JSON.parse(this.#viewer.update());
@@ -190,10 +195,13 @@ export class Engine {
   }
 
   async #drawOnGpu(step, begin) {
-    const drawn = this.#viewer.drawGpu();
+    const gpu = this.#gpu;
+    gpu.write(this.#viewer.takeWrites());
+    const drawn = gpu.draw(this.#viewer.frameWords(), step.width * step.divisor, step.height * step.divisor);
+    if (gpu.countsLast()) this.#viewer.gpuCounts();
     // The picture must be taken in the task that drew it.
     const bitmap = step.isPicture ? this.#options.canvasGpu.transferToImageBitmap() : null;
-    const shown = this.#screen.drawn?.(this.#viewer, step);
+    const shown = this.#screen.drawn?.(gpu, step);
     await drawn;
     await shown;
     const ms = performance.now() - begin;
@@ -243,8 +251,11 @@ export class Engine {
   async #openGpu() {
     const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      const gpu = await CityViewer.openGpu(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
-      this.gpuName = this.#viewer.useGpu(gpu);
+      await initGpu({ module_or_path: await compileGpu() });
+      const gpu = await GpuRenderer.open(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
+      gpu.write(this.#viewer.useGpu(gpu.pages()));
+      this.gpuName = gpu.name();
+      this.#gpu = gpu;
       await this.#renewHelpers(0);
       this.wake();
     } catch (error) {
@@ -279,6 +290,8 @@ export class Engine {
   }
 
   #loseGpu(reason) {
+    this.#gpu?.free();
+    this.#gpu = null;
     this.#isGpu = false;
     this.#cacheBytes = this.#options.cacheMib * 2 ** 20;
     this.#helpers.resetAtlas(this.#cacheBytes);
@@ -323,9 +336,9 @@ export class Engine {
   /** The number of the object that a place of the view shows, or `null`. The device that draws casts the ray. */
   objectAt({ id, x, y }) {
     const probe = async () => {
-      if (this.#viewer.isOnGpu()) return new Uint32Array((await this.#viewer.probeOnGpu(x, y)).buffer)[0];
-      this.#helpers.write(this.#viewer.takeWrites());
-      return this.#helpers.probe(this.#viewer.probeWords(x, y));
+      const [writes, words] = [this.#viewer.takeWrites(), this.#viewer.probeWords(x, y)];
+      (this.#gpu ?? this.#helpers).write(writes);
+      return this.#gpu ? new Uint32Array((await this.#gpu.probe(words)).buffer)[0] : this.#helpers.probe(words);
     };
     reply(id, probe().then((word) => this.#viewer.objectOf(word) ?? null));
   }
@@ -436,7 +449,7 @@ export class Engine {
   }
 
   loseDevice() {
-    this.#viewer.destroyGpu();
+    this.#gpu?.destroy();
     setTimeout(() => this.wake(), 100);
   }
 

@@ -154,6 +154,11 @@ export function compileViewer() {
   return compile('insula_web_bg.wasm', new URL('./insula_web_bg.wasm', import.meta.url));
 }
 
+/** Compiles what draws on a GPU. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
+export function compileGpu() {
+  return compile('insula_web_gpu_bg.wasm', new URL('./insula_web_gpu_bg.wasm', import.meta.url));
+}
+
 /** Compiles what decodes meshes and packs models. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
 export function compileMeshes() {
   return compile('insula_web_meshes_bg.wasm', new URL('./insula_web_meshes_bg.wasm', import.meta.url));

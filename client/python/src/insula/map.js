@@ -5,7 +5,7 @@
 
 const BASE = 'https://insula.invalid/';
 /** Each has a script and `_bg.wasm`. */
-const MODULES = ['insula_web', 'insula_web_meshes', 'insula_web_objects'];
+const MODULES = ['insula_web', 'insula_web_gpu', 'insula_web_meshes', 'insula_web_objects'];
 const CAMERA_MS = 200;
 /** Of a camera in degrees that does not say it, as for `City.render`. */
 const DEFAULT_FOV_DEG = 60;

@@ -11,7 +11,7 @@ use crate::translucency::MAP_PAGES;
 #[cfg(not(target_arch = "wasm32"))]
 use insula_shaders::cpu::raycast::{Pixels, RayCounts};
 use insula_shaders::gpu::{Capacity, DeviceQueue, GpuError, HitCounts, Raycaster};
-use insula_shaders::layout::SUMMARY_WORDS;
+use insula_shaders::layout::{DrawNode, FrameUniform, SUMMARY_WORDS};
 
 /// An open GPU device.
 #[derive(Debug, Clone)]
@@ -113,23 +113,45 @@ impl GpuAdapter {
     }
 
     /// Records the ray-casting pass. The pixels stay on the device. Fails if the frame exceeds the capacity.
-    pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<(), GpuError> {
-        self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
+    pub fn encode(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameUniform,
+        grid: &[[u32; 2]],
+        nodes: &[DrawNode],
+    ) -> Result<(), GpuError> {
+        self.raycaster.resize(&self.device.device, [frame.width_px, frame.height_px]);
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
-        for number in self.maps.begin(&data.frame) {
-            self.raycaster.make_map(on, &data.frame, &data.grid, &data.nodes, number)?;
+        for number in self.maps.begin(frame) {
+            self.raycaster.make_map(on, frame, grid, nodes, number)?;
         }
-        self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes)
+        self.raycaster.render(on, encoder, frame, grid, nodes)
     }
 
     /// Records a pass that counts the hits per node of the frame that [`GpuAdapter::encode`] recorded. Does nothing if these
     /// counts are known or if another query is pending.
     pub fn encode_query(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
-        let frame = (data.query.generation, [data.frame.width_px, data.frame.height_px]);
-        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
-        if self.last_counted != Some(frame) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
-            (self.pending_query, self.last_counted) = (Some(data.query.clone()), Some(frame));
+        if self.encode_count(encoder, data.query.generation, &data.frame, data.nodes.len()) {
+            self.pending_query = Some(data.query.clone());
         }
+    }
+
+    /// The same for a frame whose query is elsewhere: `generation` is the number of its draw list, which has `nodes`. Returns whether its
+    /// hits are counted.
+    pub fn encode_count(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        generation: u64,
+        frame: &FrameUniform,
+        nodes: usize,
+    ) -> bool {
+        let counted = (generation, [frame.width_px, frame.height_px]);
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        let is_new = self.last_counted != Some(counted) && self.tally.encode(on, encoder, &self.raycaster, nodes);
+        if is_new {
+            self.last_counted = Some(counted);
+        }
+        is_new
     }
 
     /// Starts to read back the counts. To be called after the commands of [`GpuAdapter::encode_query`] were submitted.
@@ -144,8 +166,13 @@ impl GpuAdapter {
 
     /// The pending query and its hit counts per node, once they have been read back. Never blocks.
     pub fn take_hits(&mut self) -> Option<(OcclusionQuery, Vec<u32>)> {
-        let pixels = self.tally.take(&self.device.device)?;
+        let pixels = self.take_counts()?;
         Some((self.pending_query.take()?, pixels))
+    }
+
+    /// The hit counts per node of the frame that [`GpuAdapter::encode_count`] recorded, once they have been read back. Never blocks.
+    pub fn take_counts(&mut self) -> Option<Vec<u32>> {
+        self.tally.take(&self.device.device)
     }
 
     /// Counts the steps of a frame's rays without drawing it. Waits for the result. Fails if the GPU fails.
@@ -161,7 +188,7 @@ impl GpuAdapter {
     pub fn draw(&mut self, data: &FrameData) -> Result<Pixels, GpuError> {
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
-        self.encode(&mut encoder, data)?;
+        self.encode(&mut encoder, &data.frame, &data.grid, &data.nodes)?;
         self.device.queue.submit([encoder.finish()]);
         self.raycaster.read_back(&self.device.device, &self.device.queue)
     }

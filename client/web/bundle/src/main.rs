@@ -1,4 +1,4 @@
-//! Makes `client/web/dist` from the WebAssembly modules of `insula-web`, `insula-web-meshes` and `insula-web-objects`, and the files of `client/web/page`.
+//! Makes `client/web/dist` from the WebAssembly modules of `insula-web` and the crates beside it, and the files of `client/web/page`.
 //!
 //! ```text
 //! wasm, shaders -> bindings (wasm-bindgen) -> asset_files (names, hash) -> languages (checks) -> joined_modules -> dist (compressed forms, manifest)

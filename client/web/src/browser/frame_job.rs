@@ -1,7 +1,5 @@
 //! What draws frames in the browser, and a frame that is being drawn.
 
-use super::gpu_canvas::GpuCanvas;
-use super::page_writes::PageWrites;
 use insula_shaders::cpu::render::RenderedRows;
 use insula_shaders::layout::{SUMMARY_WORDS, Shading};
 use insula_viewer::cache::Upload;
@@ -10,69 +8,69 @@ use insula_viewer::frame::FrameData;
 use insula_viewer::interaction::frame_pacing::FrameDetail;
 use insula_viewer::sun::Daylight;
 use insula_viewer::switching::SwitchDistances;
+use insula_web_host::page_writes::PageWrites;
 use std::time::Duration;
 
 /// Writes that are kept for a GPU: 64 MiB. With more, the GPU gets its tiles again, from the browser's cache.
 const MAX_PAST_WORDS: usize = 16 << 20;
 
-/// What draws, and how it learns of writes to the atlas.
-pub(crate) enum Renderer {
-    Cpu {
-        /// Writes that the workers have not got.
-        writes: PageWrites,
-        /// All writes so far, for a GPU that may be opening. `None` if no GPU is expected, or if they exceed [`MAX_PAST_WORDS`].
-        past: Option<Vec<u32>>,
-    },
-    Gpu(Box<GpuCanvas>),
-}
-
-impl Default for Renderer {
-    fn default() -> Self {
-        Self::Cpu { writes: PageWrites::default(), past: Some(Vec::new()) }
-    }
+/// Writes to the atlas of what draws, which is in other workers or in the module of the GPU.
+#[derive(Debug)]
+pub(crate) struct Renderer {
+    /// Writes that it has not got.
+    writes: PageWrites,
+    /// All writes so far, for a GPU that may be opening. `None` if no GPU is expected, or if they exceed [`MAX_PAST_WORDS`].
+    past: Option<Vec<u32>>,
+    is_gpu: bool,
 }
 
 impl Renderer {
-    /// The waiting writes, which are forgotten except for a GPU.
+    /// The CPU, whose atlases are empty. `keeps_writes` if a GPU may be opening.
+    pub(crate) fn cpu(keeps_writes: bool) -> Self {
+        Self { writes: PageWrites::default(), past: keeps_writes.then(Vec::new), is_gpu: false }
+    }
+
+    /// A GPU, which has got what [`Renderer::past_writes`] returned, or nothing.
+    pub(crate) fn gpu() -> Self {
+        Self { writes: PageWrites::default(), past: None, is_gpu: true }
+    }
+
+    pub(crate) fn is_gpu(&self) -> bool {
+        self.is_gpu
+    }
+
+    pub(super) fn has_writes(&self) -> bool {
+        !self.writes.is_empty()
+    }
+
+    /// The waiting writes, which are forgotten except for a GPU that may be opening.
     pub(super) fn take_writes(&mut self) -> Vec<u32> {
-        let Self::Cpu { writes, past } = self else { return Vec::new() };
-        let words = writes.take();
-        if let Some(all) = past {
+        let words = self.writes.take();
+        if let Some(all) = &mut self.past {
             all.extend_from_slice(&words);
         }
-        past.take_if(|all| all.len() > MAX_PAST_WORDS);
+        self.past.take_if(|all| all.len() > MAX_PAST_WORDS);
         words
     }
 
     /// All writes since the start; `None` if they are not kept.
     pub(crate) fn past_writes(&mut self) -> Option<Vec<u32>> {
         self.take_writes();
-        match self {
-            Self::Cpu { past, .. } => past.take(),
-            Self::Gpu(_) => None,
-        }
+        self.past.take()
     }
 
     pub(crate) fn forget_past_writes(&mut self) {
-        if let Self::Cpu { past, .. } = self {
-            *past = None;
-        }
+        self.past = None;
     }
 }
 
 impl Upload for Renderer {
     fn write_words(&mut self, at: u32, words: &[u32]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_words(at, words),
-            Self::Gpu(gpu) => gpu.adapter.write_words(at, words),
-        }
+        self.writes.write_words(at, words);
     }
 
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_summary(slot, words),
-            Self::Gpu(gpu) => gpu.adapter.write_summary(slot, words),
-        }
+        self.writes.write_summary(slot, words);
     }
 }
 

@@ -3,15 +3,14 @@
 //! The engine calls [`CityViewer::update`], carries out the step that it returns, reports it, and calls it again when the step says
 //! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
 
-use super::frame_job::{DrawnView, FrameJob, Renderer};
-use super::row_renderer::frame_words;
+use super::frame_job::{DrawnView, FrameJob};
 use super::viewer::{CityViewer, clamped_size};
 use insula_shaders::cpu::hit_counts::hit_counts;
 use insula_viewer::collision::CitySolids;
 use insula_viewer::frame::{FrameData, STILL_SAMPLES};
 use insula_viewer::interaction::frame_pacing::{FrameDetail, FrameTime};
+use insula_web_host::frame_words::frame_words;
 use insula_web_host::messages::{Step, json};
-use js_sys::Promise;
 use std::time::Duration;
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
@@ -31,7 +30,6 @@ impl CityViewer {
         let now = Instant::now();
         let is_moving = self.advance(now);
         self.notice_view(now);
-        self.take_gpu_hits();
         self.streamer.set_sun(self.daylight.render_settings(self.shading, 1).shadow_casting_sun());
         let tau_factor = if self.picture_px.is_none() { self.pacer.tau_factor(now) } else { 1.0 };
         self.streamer.set_tau_factor(tau_factor);
@@ -58,13 +56,13 @@ impl CityViewer {
         self.streamer.update_while_drawing(&mut self.fine_requests, elapsed);
     }
 
-    /// Waiting writes to the atlas, for `RowRenderer::write`.
+    /// Waiting writes to the atlas, for `RowRenderer::write` and `GpuRenderer::write`.
     #[wasm_bindgen(js_name = takeWrites)]
     pub fn take_writes(&mut self) -> Vec<u32> {
         self.renderer.take_writes()
     }
 
-    /// The frame whose rows are drawn, for `RowRenderer::begin`.
+    /// The frame that is drawn, for `RowRenderer::begin` and `GpuRenderer::draw`.
     #[wasm_bindgen(js_name = frameWords)]
     pub fn frame_words(&mut self) -> Vec<u32> {
         let Some(job) = &mut self.job else { return Vec::new() };
@@ -105,22 +103,17 @@ impl CityViewer {
         Some(bytemuck::cast_slice(&pixels.colour).to_vec())
     }
 
-    /// Draws a frame on the GPU. The promise resolves when it is drawn. Fails with the reason.
-    #[wasm_bindgen(js_name = drawGpu)]
-    pub fn draw_gpu(&mut self) -> Result<Promise, JsError> {
-        let (Some(job), Renderer::Gpu(gpu)) = (&self.job, &mut self.renderer) else {
-            return Err(JsError::new("there is no frame to draw"));
-        };
-        let size_px = [job.data.frame.width_px, job.data.frame.height_px].map(|side| side * job.detail.divisor);
-        gpu.draw(&job.data, size_px).map_err(|reason| JsError::new(&reason))
+    /// The GPU counts the hits of the frame that it draws, for [`CityViewer::report_gpu_hits`].
+    #[wasm_bindgen(js_name = gpuCounts)]
+    pub fn gpu_counts(&mut self) {
+        self.counted = self.job.as_ref().map(|job| job.data.query.clone());
     }
 
-    /// The distances of the frame that [`CityViewer::draw_gpu`] draws, whose promise resolves to their bytes; `None` if no GPU draws.
-    #[wasm_bindgen(js_name = gpuDistances)]
-    pub fn gpu_distances(&self) -> Option<Promise> {
-        match &self.renderer {
-            Renderer::Gpu(gpu) => Some(gpu.distances()),
-            Renderer::Cpu { .. } => None,
+    /// The GPU has counted the hits of each node.
+    #[wasm_bindgen(js_name = reportGpuHits)]
+    pub fn report_gpu_hits(&mut self, hits: &[u32]) {
+        if let Some(query) = self.counted.take() {
+            self.streamer.report_hits(&query, hits);
         }
     }
 
@@ -185,14 +178,6 @@ impl CityViewer {
         }
     }
 
-    fn take_gpu_hits(&mut self) {
-        if let Renderer::Gpu(gpu) = &mut self.renderer
-            && let Some((query, pixels)) = gpu.adapter.take_hits()
-        {
-            self.streamer.report_hits(&query, &pixels);
-        }
-    }
-
     /// How long nothing needs to be drawn; `None` if a frame is due.
     fn wait(&self, now: Instant) -> Option<Duration> {
         if !self.has_frame() {
@@ -240,9 +225,8 @@ impl CityViewer {
     fn draw_step(&mut self, now: Instant) -> Step {
         if self.job.is_none() {
             let (detail, is_picture) = self.next_detail(now);
-            let is_cpu = matches!(self.renderer, Renderer::Cpu { .. });
             // A fine frame on the CPU takes long: one with a ray a pixel comes first.
-            let samples = match detail.is_final && is_cpu && !is_picture {
+            let samples = match detail.is_final && !self.renderer.is_gpu() && !is_picture {
                 true => self.pacer.first_still_samples(detail.samples),
                 false => detail.samples,
             };
@@ -254,12 +238,10 @@ impl CityViewer {
         }
         let Some(job) = &self.job else { return Step::wait(POLL) };
         let frame = &job.data.frame;
-        let (action, count) = match &self.renderer {
-            Renderer::Gpu(_) => ("gpu", frame.height_px),
-            Renderer::Cpu { .. } if job.detail.is_final => {
-                ("rows", self.pacer.rows_per_step(frame.height_px, frame.samples))
-            }
-            Renderer::Cpu { .. } => ("rows", frame.height_px),
+        let (action, count) = match self.renderer.is_gpu() {
+            true => ("gpu", frame.height_px),
+            false if job.detail.is_final => ("rows", self.pacer.rows_per_step(frame.height_px, frame.samples)),
+            false => ("rows", frame.height_px),
         };
         let first = job.rows.rows();
         Step {
@@ -270,7 +252,7 @@ impl CityViewer {
             first,
             end: (first + count).min(frame.height_px),
             is_new: !job.is_sent,
-            has_writes: matches!(&self.renderer, Renderer::Cpu { writes, .. } if !writes.is_empty()),
+            has_writes: self.renderer.has_writes(),
             is_picture: job.is_picture,
             divisor: job.detail.divisor,
             samples: frame.samples,

@@ -1,28 +1,19 @@
 //! Which object a pixel shows: one ray is cast, on the device that draws.
 
-use super::frame_job::Renderer;
-use super::row_renderer::frame_words;
 use super::viewer::CityViewer;
 use insula_shaders::layout::Shading;
 use insula_viewer::frame::{FrameData, RenderSettings};
-use js_sys::Promise;
+use insula_web_host::frame_words::frame_words;
 use wasm_bindgen::prelude::*;
 
 #[wasm_bindgen]
 impl CityViewer {
-    /// A frame of the ray at shares of the view's width and height, for `RowRenderer::probe`; its word is for
+    /// A frame of the ray at shares of the view's width and height, for `RowRenderer::probe` or
+    /// `GpuRenderer::probe`; its word is for
     /// [`CityViewer::object_of`].
     #[wasm_bindgen(js_name = probeWords)]
     pub fn probe_words(&self, x: f64, y: f64) -> Vec<u32> {
         frame_words(&self.probe(x, y))
-    }
-
-    /// The same on the GPU: the promise resolves to the bytes of the word. Fails with the reason if no GPU draws.
-    #[wasm_bindgen(js_name = probeOnGpu)]
-    pub fn probe_on_gpu(&mut self, x: f64, y: f64) -> Result<Promise, JsError> {
-        let data = self.probe(x, y);
-        let Renderer::Gpu(gpu) = &mut self.renderer else { return Err(JsError::new("no GPU draws")) };
-        gpu.probe(&data).map_err(|reason| JsError::new(&reason))
     }
 
     /// The object that the word of a probe stands for, if it is one.

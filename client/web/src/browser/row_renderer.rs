@@ -1,12 +1,10 @@
 //! Draws rows of a frame on the CPU, in a worker with its own copy of the atlas.
 
-use super::page_writes;
-use bytemuck::{Pod, Zeroable};
 use insula_shaders::cpu::render::render_row;
-use insula_shaders::layout::{DrawNode, FrameUniform};
 use insula_viewer::cache::pages_for;
-use insula_viewer::frame::FrameData;
 use insula_viewer::render::CpuAdapter;
+use insula_web_host::frame_words::ReceivedFrame;
+use insula_web_host::page_writes;
 use wasm_bindgen::prelude::*;
 
 /// The CPU ray-caster of one worker.
@@ -16,14 +14,6 @@ pub struct RowRenderer {
     adapter: CpuAdapter,
     frame: Option<ReceivedFrame>,
     hit: Vec<u32>,
-}
-
-/// What [`frame_words`] wrote.
-#[derive(Debug)]
-struct ReceivedFrame {
-    frame: FrameUniform,
-    grid: Vec<[u32; 2]>,
-    nodes: Vec<DrawNode>,
 }
 
 #[wasm_bindgen]
@@ -50,7 +40,7 @@ impl RowRenderer {
     /// Draws rows `first`, `first + step`, ... below `end`. Returns a word for each pixel.
     pub fn draw(&mut self, first: u32, end: u32, step: u32) -> Vec<u32> {
         let (mut words, mut hit) = (Vec::new(), Vec::new());
-        if let Some(ReceivedFrame { frame, grid, nodes }) = &self.frame {
+        if let Some(ReceivedFrame { frame, grid, nodes, .. }) = &self.frame {
             let scene = self.adapter.scene(frame, grid, nodes);
             let end = end.min(frame.height_px);
             for y in (first..end).step_by(step.max(1) as usize) {
@@ -64,7 +54,7 @@ impl RowRenderer {
     /// Casts the ray of a frame of one pixel, which is not the frame whose rows are drawn. Returns its word; 0 if it is not such a
     /// frame.
     pub fn probe(&self, words: &[u32]) -> u32 {
-        let Some(ReceivedFrame { frame, grid, nodes }) = &ReceivedFrame::parse(words) else { return 0 };
+        let Some(ReceivedFrame { frame, grid, nodes, .. }) = &ReceivedFrame::parse(words) else { return 0 };
         let (mut words, mut hit) = (Vec::new(), Vec::new());
         if frame.width_px == 1 {
             render_row(&self.adapter.scene(frame, grid, nodes), 0, &mut words, &mut hit);
@@ -76,31 +66,4 @@ impl RowRenderer {
     pub fn take_hits(&mut self) -> Vec<u32> {
         std::mem::take(&mut self.hit)
     }
-}
-
-/// A frame for [`RowRenderer::begin`]: the numbers of grid entries and nodes, the uniform, the grid, the nodes.
-pub(crate) fn frame_words(data: &FrameData) -> Vec<u32> {
-    let mut words = vec![data.grid.len() as u32, data.nodes.len() as u32];
-    words.extend_from_slice(bytemuck::cast_slice(std::slice::from_ref(&data.frame)));
-    words.extend_from_slice(bytemuck::cast_slice(&data.grid));
-    words.extend_from_slice(bytemuck::cast_slice(&data.nodes));
-    words
-}
-
-impl ReceivedFrame {
-    fn parse(words: &[u32]) -> Option<Self> {
-        let &[grid, nodes, ref rest @ ..] = words else { return None };
-        let (frame, rest) = split::<FrameUniform>(rest, 1)?;
-        let (grid, rest) = split::<[u32; 2]>(rest, grid as usize)?;
-        let (nodes, rest) = split::<DrawNode>(rest, nodes as usize)?;
-        rest.is_empty().then_some(Self { frame: *frame.first()?, grid, nodes })
-    }
-}
-
-/// The first `count` values of some words, and the rest.
-fn split<T: Pod + Zeroable>(words: &[u32], count: usize) -> Option<(Vec<T>, &[u32])> {
-    let (values, rest) = words.split_at_checked(count.checked_mul(size_of::<T>() / 4)?)?;
-    let mut out = vec![T::zeroed(); count];
-    bytemuck::cast_slice_mut(&mut out).copy_from_slice(bytemuck::cast_slice::<u32, u8>(values));
-    Some((out, rest))
 }

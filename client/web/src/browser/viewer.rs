@@ -2,9 +2,7 @@
 
 use super::fetcher::BrowserFetcher;
 use super::frame_job::{DrawnView, FrameJob, Renderer};
-use super::gpu_canvas::GpuCanvas;
 use super::navigation::CameraFlight;
-use super::page_writes;
 use glam::DVec3;
 use insula_archive::city::parse_manifest;
 use insula_protocol::Manifest;
@@ -20,6 +18,7 @@ use insula_viewer::interaction::frame_pacing::FramePacer;
 use insula_viewer::interaction::measure::MeasureTool;
 use insula_viewer::projection::ray_direction;
 use insula_viewer::scene::SceneTree;
+use insula_viewer::select::occlusion_feedback::OcclusionQuery;
 use insula_viewer::source::server::ServerSource;
 use insula_viewer::source::{TileSource, Transport, web_folder};
 use insula_viewer::streamer::{Downloads, FrameRequest, Streamer};
@@ -32,7 +31,6 @@ use insula_web_host::transport::BrowserTransport;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use wasm_bindgen::prelude::*;
-use web_sys::OffscreenCanvas;
 use web_time::Instant;
 
 const INITIAL_REQUESTS: usize = 12;
@@ -63,6 +61,8 @@ pub struct CityViewer {
     /// Size of the picture that is being made.
     pub(crate) picture_px: Option<[u32; 2]>,
     pub(crate) job: Option<FrameJob>,
+    /// The frame whose hits a GPU is counting.
+    pub(crate) counted: Option<OcclusionQuery>,
     /// Whether the screen shows another view, or other tiles than there are.
     pub(crate) is_stale: bool,
     /// Whether the screen shows another view.
@@ -111,7 +111,7 @@ impl CityViewer {
             host,
             source,
             streamer,
-            renderer: Renderer::default(),
+            renderer: Renderer::cpu(true),
             control,
             flight: None,
             daylight,
@@ -123,6 +123,7 @@ impl CityViewer {
             size_px,
             picture_px: None,
             job: None,
+            counted: None,
             is_stale: true,
             is_view_new: true,
             drawn_at: None,
@@ -169,39 +170,20 @@ impl CityViewer {
         vec![point.x, point.y, point.z, distance_m]
     }
 
-    /// Opens the GPU ray-caster on a canvas, apart from the viewer, which goes on drawing meanwhile. See `GpuCanvas::open`.
-    #[wasm_bindgen(js_name = openGpu)]
-    pub async fn open_gpu(
-        host: Host,
-        canvas: OffscreenCanvas,
-        cache_bytes: f64,
-        accepts_software: bool,
-    ) -> Result<GpuHandle, JsError> {
-        let bytes = cache_bytes as u64;
-        let opened = GpuCanvas::open(&host, canvas, bytes, accepts_software).await;
-        opened.map(|gpu| GpuHandle { gpu: Box::new(gpu) }).map_err(|reason| JsError::new(&reason))
-    }
-
-    /// Draws on a GPU from now on. Its atlas gets what is resident, as far as that was kept; otherwise tiles are fetched again. Returns
-    /// its name.
+    /// A GPU with an atlas of `pages` pages draws from now on. Returns the first writes to it: what is resident, as far as that was kept;
+    /// otherwise tiles are fetched again.
     #[wasm_bindgen(js_name = useGpu)]
-    pub fn use_gpu(&mut self, handle: GpuHandle) -> String {
-        let mut gpu = handle.gpu;
-        let name = gpu.name();
-        let pages = gpu.adapter.pages();
+    pub fn use_gpu(&mut self, pages: u32) -> Vec<u32> {
         let kept = self.renderer.past_writes().filter(|_| pages >= self.streamer.cache().capacity_pages());
-        if let Some(writes) = &kept {
-            page_writes::apply(writes, &mut gpu.adapter);
-            self.streamer.grow_cache(pages);
-        }
-        self.renderer = Renderer::Gpu(gpu);
-        if kept.is_none() {
+        self.renderer = Renderer::gpu();
+        match &kept {
+            Some(_) => self.streamer.grow_cache(pages),
             // Its atlas is empty or smaller.
-            self.renew(pages);
+            None => self.renew(pages),
         }
         self.pacer.restart(Instant::now(), false);
         (self.job, self.view_state) = (None, None);
-        name
+        kept.unwrap_or_default()
     }
 
     /// No GPU will be used: what was kept for it is dropped.
@@ -210,54 +192,24 @@ impl CityViewer {
         self.renderer.forget_past_writes();
     }
 
-    /// Whether a GPU draws.
-    #[wasm_bindgen(js_name = isOnGpu)]
-    pub fn is_on_gpu(&self) -> bool {
-        matches!(self.renderer, Renderer::Gpu(_))
-    }
-
-    /// Why the GPU was lost, if it was.
-    #[wasm_bindgen(js_name = lostGpu)]
-    pub fn lost_gpu(&self) -> Option<String> {
-        match &self.renderer {
-            Renderer::Gpu(gpu) => gpu.lost().map(str::to_owned),
-            Renderer::Cpu { .. } => None,
-        }
-    }
-
-    /// Loses the GPU, for tests.
-    #[wasm_bindgen(js_name = destroyGpu)]
-    pub fn destroy_gpu(&self) {
-        if let Renderer::Gpu(gpu) = &self.renderer {
-            gpu.destroy();
-        }
-    }
-
     /// The workers' atlases are empty and have another size from now on, so tiles are fetched again. Not while a frame is drawn, and not
     /// on a GPU, which keeps its atlas.
     #[wasm_bindgen(js_name = resizeCache)]
     pub fn resize_cache(&mut self, cache_bytes: f64) {
         self.cache_bytes = cache_bytes as u64;
-        self.renderer = Renderer::default();
-        self.renderer.forget_past_writes();
+        self.renderer = Renderer::cpu(false);
         self.renew(pages_for(self.cache_bytes));
     }
 
     /// Draws on the CPU again because the GPU failed. The workers' atlases are empty, so tiles are fetched again.
     #[wasm_bindgen(js_name = loseGpu)]
     pub fn lose_gpu(&mut self, cache_bytes: f64) {
+        self.counted = None;
         self.cache_bytes = cache_bytes as u64;
-        self.renderer = Renderer::default();
-        self.renderer.forget_past_writes();
+        self.renderer = Renderer::cpu(false);
         self.renew(pages_for(self.cache_bytes));
         self.pacer.restart(Instant::now(), true);
     }
-}
-
-/// An open GPU that draws nothing yet.
-#[wasm_bindgen]
-pub struct GpuHandle {
-    gpu: Box<GpuCanvas>,
 }
 
 impl CityViewer {

@@ -3,8 +3,8 @@
 use insula_shaders::gpu::{Compose, DeviceQueue};
 use insula_shaders::wgsl;
 use insula_viewer::cache::pages_for;
-use insula_viewer::frame::FrameData;
 use insula_viewer::render::{GpuAdapter, GpuDevice};
+use insula_web_host::frame_words::ReceivedFrame;
 use insula_web_host::host::Host;
 use js_sys::{Promise, Uint8Array};
 use std::sync::{Arc, OnceLock};
@@ -22,6 +22,8 @@ pub(crate) struct GpuCanvas {
     config: wgpu::SurfaceConfiguration,
     compose: Compose,
     pub(crate) adapter: GpuAdapter,
+    /// Whether the hits of the last frame are being counted.
+    pub(crate) counts_last: bool,
     /// Why the device was lost, once it is.
     lost: Arc<OnceLock<String>>,
 }
@@ -61,7 +63,7 @@ impl GpuCanvas {
             // The first reason is the cause of the others.
             let _ = reason.set(message);
         });
-        Ok(Self { canvas, surface, config, compose, adapter, lost })
+        Ok(Self { canvas, surface, config, compose, adapter, counts_last: false, lost })
     }
 
     pub(crate) fn name(&self) -> String {
@@ -80,7 +82,8 @@ impl GpuCanvas {
     }
 
     /// Draws a frame on a canvas of `size_px`. The promise resolves when the device has drawn it. Fails with a reason.
-    pub(crate) fn draw(&mut self, data: &FrameData, size_px: [u32; 2]) -> Result<Promise, String> {
+    pub(crate) fn draw(&mut self, received: &ReceivedFrame, size_px: [u32; 2]) -> Result<Promise, String> {
+        self.counts_last = false;
         self.resize(size_px);
         let target = match self.surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(texture) | wgpu::CurrentSurfaceTexture::Suboptimal(texture) => texture,
@@ -89,8 +92,9 @@ impl GpuCanvas {
         let view = target.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let GpuDevice { device, queue, .. } = self.adapter.device.clone();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        self.adapter.encode(&mut encoder, data).map_err(|error| error.to_string())?;
-        self.adapter.encode_query(&mut encoder, data);
+        let ReceivedFrame { generation, frame, grid, nodes } = received;
+        self.adapter.encode(&mut encoder, frame, grid, nodes).map_err(|error| error.to_string())?;
+        self.counts_last = self.adapter.encode_count(&mut encoder, *generation, frame, nodes.len());
         let on = DeviceQueue { device: &device, queue: &queue };
         self.compose.measure(on, &mut encoder, &self.adapter.raycaster, size_px);
         let mut pass = begin_pass(&mut encoder, &view);
@@ -108,9 +112,10 @@ impl GpuCanvas {
     }
 
     /// Draws a frame of one pixel, which is not shown. The promise resolves to the bytes of its word. Fails with a reason.
-    pub(crate) fn probe(&mut self, data: &FrameData) -> Result<Promise, String> {
+    pub(crate) fn probe(&mut self, received: &ReceivedFrame) -> Result<Promise, String> {
         let mut encoder = self.encoder("probe");
-        self.adapter.encode(&mut encoder, data).map_err(|error| error.to_string())?;
+        let ReceivedFrame { frame, grid, nodes, .. } = received;
+        self.adapter.encode(&mut encoder, frame, grid, nodes).map_err(|error| error.to_string())?;
         Ok(self.read(encoder, self.adapter.raycaster.colour_buffer(), 4))
     }
 
