@@ -1,7 +1,7 @@
-/** Entry of the application page. The viewer starts first; the controls follow while it works. */
+/** Entry of the application page. The viewer starts first; the controls follow once there is something to see. */
 
-import { startControls } from './controls.js';
 import { prepareEngine } from './engine-client.js';
+import { follow } from './events.js';
 import { InsulaCity } from './insula-city.js';
 import { load } from './storage.js';
 import { loadLanguage, strings } from './strings.js';
@@ -22,6 +22,14 @@ function inlineManifest() {
 function loadedManifest(city) {
   return new Promise((resolve) => {
     city.addEventListener('ready', ({ detail }) => resolve(detail.manifest), { once: true });
+  });
+}
+
+/** When there is something to see, or a reason why not. */
+function firstNews(city) {
+  return new Promise((resolve) => {
+    follow(city, 'ready', resolve);
+    follow(city, 'status', ({ detail: { kind } }) => kind !== null && kind !== 'loading' && resolve());
   });
 }
 
@@ -63,7 +71,10 @@ async function start() {
   document.documentElement.lang = strings.language;
   document.documentElement.dir = strings.direction;
   city.describeInWords();
-  startControls(app, city, city.manifest ?? (await loadedManifest(city)));
+  const manifest = city.manifest ?? (await loadedManifest(city));
+  await firstNews(city);
+  const { startControls } = await import('./controls.js');
+  startControls(app, city, manifest);
   if (object !== null && object !== undefined) city.select([object]).catch(() => {});
   const worker = document.querySelector('meta[name="insula-service-worker"]')?.getAttribute('content');
   if (worker) registerServiceWorker(worker);

@@ -62,6 +62,8 @@ new PerformanceObserver(list => {
 pub const READY: Duration = Duration::from_secs(120);
 /// Longest wait for the final picture of a view.
 pub const FINAL: Duration = Duration::from_secs(120);
+/// Whether the controls are there, if the page has any.
+const CONTROLS: &str = "document.querySelector('#insula-app:not(.has-controls)') === null";
 /// Numbers of a camera that differ by less are the same, as they are rounded.
 const SAME_CAMERA: f64 = 0.01;
 
@@ -109,9 +111,10 @@ impl CityPage {
         format!("{}.insulaSeen", Self::element(number))
     }
 
-    /// Waits for the first picture of a city.
+    /// Waits for the first picture of a city, and for the controls that follow it on a page of the server.
     pub fn wait_until_ready(&self, number: usize) -> Result<()> {
-        self.page.wait_for(&format!("{}.ready", Self::seen(number)), READY)
+        self.page.wait_for(&format!("{}.ready", Self::seen(number)), READY)?;
+        self.page.wait_for(CONTROLS, READY)
     }
 
     /// Waits until the picture of the view, after all input so far, cannot improve. After an input that starts a motion, wait

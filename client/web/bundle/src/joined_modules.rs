@@ -9,10 +9,11 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 12] = [
+const ENTRIES: [(&str, &str); 13] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
     // The page imports them once they are needed.
+    ("controls.js", "controls.js"),
     ("analysis-view.js", "analysis-view.js"),
     ("draped-figures.js", "draped-figures.js"),
     ("proposal-view.js", "proposal-view.js"),
@@ -24,6 +25,8 @@ const ENTRIES: [(&str, &str); 12] = [
     ("cast-engine.js", "cast-engine.js"),
     ("model-reader.js", "model-reader.js"),
 ];
+/// Entries that another one imports while it runs, and that one: they take the modules that it has from it.
+const CONTINUED: [(&str, &str); 1] = [("controls.js", "app.js")];
 /// How the names of scripts begin that wasm-bindgen makes; several entries share them.
 const EXTERNAL: &str = "insula_web";
 /// Texts of the server's own pages, which no script needs.
@@ -35,11 +38,27 @@ const SEPARATE: [&str; 1] = ["service-worker.js"];
 pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
     let mut joined = AssetFiles::new();
     for (entry, file) in ENTRIES.into_iter().filter(|(entry, _)| files.contains_key(*entry)) {
-        let mut joiner = Joiner { files: &files, begun: Vec::new(), externals: Vec::new(), out: String::new() };
+        let base = CONTINUED.iter().find(|(continued, _)| *continued == entry).map(|(_, base)| *base);
+        let mut joiner = Joiner::new(&files);
+        if let Some(base) = base {
+            joiner.given = Joiner::new(&files).modules_of(base)?;
+        }
         let exports = joiner.add(entry)?;
-        let mut text = joiner.externals.concat() + &joiner.out;
+        let mut text = joiner.externals.concat();
+        if let Some(base) = base.filter(|_| !joiner.taken.is_empty()) {
+            let _ = writeln!(text, "import {{ {} }} from './{base}';", variables(&joiner.taken));
+        }
+        text += &joiner.out;
         if !exports.is_empty() {
             let _ = writeln!(text, "export const {{ {} }} = {};", exports.join(", "), variable(entry));
+        }
+        for (continued, _) in CONTINUED.iter().filter(|(name, base)| *base == entry && files.contains_key(*name)) {
+            let mut other = Joiner::new(&files);
+            other.given.clone_from(&joiner.begun);
+            other.add(continued)?;
+            if !other.taken.is_empty() {
+                let _ = writeln!(text, "export {{ {} }};", variables(&other.taken));
+            }
         }
         joined.insert(file.to_owned(), without_line_ends(&text).into_bytes());
     }
@@ -58,6 +77,9 @@ pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
 struct Joiner<'a> {
     files: &'a AssetFiles,
     begun: Vec<String>,
+    /// Modules that another script has, and those of them that are taken from it.
+    given: Vec<String>,
+    taken: Vec<String>,
     /// Imports of modules that stay separate.
     externals: Vec<String>,
     out: String,
@@ -71,7 +93,18 @@ struct Module {
     body: String,
 }
 
-impl Joiner<'_> {
+impl<'a> Joiner<'a> {
+    fn new(files: &'a AssetFiles) -> Self {
+        let (begun, given, taken, externals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { files, begun, given, taken, externals, out: String::new() }
+    }
+
+    /// The modules that the script of an entry has.
+    fn modules_of(mut self, entry: &str) -> Result<Vec<String>, BundleError> {
+        self.add(entry)?;
+        Ok(self.begun)
+    }
+
     /// Adds a module after those that it imports. Returns the names of its exports.
     fn add(&mut self, name: &str) -> Result<Vec<String>, BundleError> {
         let failed = |reason: &str| BundleError::Asset(format!("{name}: {reason}"));
@@ -79,6 +112,12 @@ impl Joiner<'_> {
         let text = std::str::from_utf8(content).map_err(|_| failed("not UTF-8"))?;
         let module = Module::parse(&without_comments(text)).map_err(|reason| failed(&reason))?;
         if self.begun.iter().any(|begun| begun == name) {
+            return Ok(module.exports);
+        }
+        if self.given.iter().any(|given| given == name) {
+            if !self.taken.iter().any(|taken| taken == name) {
+                self.taken.push(name.to_owned());
+            }
             return Ok(module.exports);
         }
         self.begun.push(name.to_owned());
@@ -125,6 +164,10 @@ impl Joiner<'_> {
 /// The variable that holds a module's exports. No module has a name that begins so.
 fn variable(name: &str) -> String {
     format!("module_{}", name.trim_end_matches(".js").replace(['-', '.'], "_"))
+}
+
+fn variables(modules: &[String]) -> String {
+    modules.iter().map(|name| variable(name)).collect::<Vec<_>>().join(", ")
 }
 
 impl Module {
@@ -273,6 +316,24 @@ mod tests {
             return { App };})();export const { App } = module_app;";
         assert_eq!(String::from_utf8(joined["app.js"].clone()).unwrap(), expected);
         assert_eq!(String::from_utf8(joined["insula_web.js"].clone()).unwrap(), "export class A {b() {}\n}\n");
+    }
+
+    #[test]
+    fn a_continued_script_takes_modules_from_its_base() {
+        let all = files(&[
+            ("app.js", "import { a } from './a.js';\na();\nimport('./controls.js');\n"),
+            ("controls.js", "import { a } from './a.js';\nimport { b } from './b.js';\nexport const c = a(b);\n"),
+            ("a.js", "export function a() {}\n"),
+            ("b.js", "import { a } from './a.js';\nexport const b = a();\n"),
+        ]);
+        let joined = join(all).unwrap();
+        let text = |name: &str| String::from_utf8(joined[name].clone()).unwrap();
+        let app = text("app.js");
+        assert!(app.ends_with("export { module_a };") && !app.contains("module_b"), "{app}");
+        let controls = text("controls.js");
+        assert!(controls.starts_with("import { module_a } from './app.js';const module_b ="), "{controls}");
+        assert_eq!(controls.matches("module_a =").count(), 0, "{controls}");
+        assert!(controls.ends_with("export const { c } = module_controls;"), "{controls}");
     }
 
     #[test]
