@@ -126,7 +126,12 @@ fn ensure_page_shows_city(options: PageOptions) -> Result<()> {
     let bytes: u64 = page.page.requests()?.iter().filter(is_program).map(|request| request.bytes).sum();
     let most = if tier::is_full() { PROGRAM_BYTES } else { QUICK_PROGRAM_BYTES };
     ensure!((50_000..=most).contains(&bytes), "{bytes} bytes of the program before the first picture");
-    for (file, user) in [("/shaders.txt", "a GPU"), ("/insula_web_objects_bg.wasm", "questions about objects")] {
+    let unneeded = [
+        ("/shaders.txt", "a GPU"),
+        ("/insula_web_gpu_bg.wasm", "a GPU"),
+        ("/insula_web_objects_bg.wasm", "questions about objects"),
+    ];
+    for (file, user) in unneeded {
         let fetched = page.page.requests()?.into_iter().find(|request| request.url.ends_with(file));
         ensure!(fetched.is_none(), "a page without {user} fetched {fetched:?}");
     }
