@@ -7,18 +7,18 @@ use std::collections::BTreeMap;
 
 /// The values of a part of a city, as files keep them: those of buildings with a value, and of all places by their kind.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct PartValues {
+pub struct TileValues {
     ground: PlaceNumbers,
     roofs: PlaceNumbers,
     walls: PlaceNumbers,
-    buildings: Vec<PartBuilding>,
+    buildings: Vec<TileBuilding>,
 }
 
 /// Count, least, most, sum, and how many reach what is asked for.
 type PlaceNumbers = [f64; 5];
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct PartBuilding {
+struct TileBuilding {
     number: u32,
     identifier: String,
     roof: PlaceNumbers,
@@ -27,11 +27,11 @@ struct PartBuilding {
     roof_total: f64,
 }
 
-impl PartValues {
+impl TileValues {
     /// The values of a part.
     #[must_use]
     pub fn of(city: &CityValues<'_>) -> Self {
-        let building = |row: &BuildingValues<'_>| PartBuilding {
+        let building = |row: &BuildingValues<'_>| TileBuilding {
             number: row.building.number,
             identifier: row.building.identifier.clone(),
             roof: row.roof.to_numbers(),
@@ -70,13 +70,13 @@ struct GatheredBuilding {
 
 impl GatheredValues {
     /// Adds a part, with its buildings or without.
-    pub fn add(&mut self, part: PartValues, has_buildings: bool) {
+    pub fn add(&mut self, part: TileValues, has_buildings: bool) {
         let pairs = [(&mut self.ground, part.ground), (&mut self.roofs, part.roofs), (&mut self.walls, part.walls)];
         for (all, numbers) in pairs {
             all.join(PlaceValues::of_numbers(numbers));
         }
         for row in part.buildings.into_iter().filter(|_| has_buildings) {
-            let PartBuilding { number, identifier, .. } = row;
+            let TileBuilding { number, identifier, .. } = row;
             let all = self.buildings.entry(number).or_insert_with(|| GatheredBuilding {
                 building: Building { number, identifier },
                 roof: PlaceValues::default(),
@@ -122,14 +122,14 @@ mod tests {
         let part = |from: usize, to: usize, points: &[WallPoint], walls: &[f32]| {
             let is_in = |index: usize| (from..to).contains(&index);
             let tops: Vec<f32> = (0..4).map(|index| if is_in(index) { values[index] } else { f32::NAN }).collect();
-            let part = PartValues::of(&sum_up(&surface, &tops, points, walls, Some(2.0)));
+            let part = TileValues::of(&sum_up(&surface, &tops, points, walls, Some(2.0)));
             // As files keep it.
-            toml::from_str::<PartValues>(&toml::to_string(&part).unwrap()).unwrap()
+            toml::from_str::<TileValues>(&toml::to_string(&part).unwrap()).unwrap()
         };
         let mut gathered = GatheredValues::default();
         gathered.add(part(0, 2, &[point], &[5.0]), true);
         gathered.add(part(2, 4, &[], &[]), true);
-        gathered.add(PartValues::default(), true);
+        gathered.add(TileValues::default(), true);
         let city = gathered.city();
         assert_eq!((city.ground, city.roofs, city.walls), (whole.ground, whole.roofs, whole.walls));
         let [building, expected] = [&city.buildings, &whole.buildings].map(|rows| rows[0].clone());

@@ -1,6 +1,6 @@
 //! Files of finished tiles: a mark, a head as JSON with its length, the values of the cells row by row from the south, and a hash of all that.
 
-use insula_analysis::gathered::PartValues;
+use insula_analysis::gathered::TileValues;
 use insula_archive::file::{open_regular, read_limited};
 use insula_export::raster::CellExtent;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub(super) struct FinishedTile {
     pub(super) asked: Option<f64>,
     pub(super) total: Option<String>,
     pub(super) notes: Vec<String>,
-    pub(super) values: PartValues,
+    pub(super) values: TileValues,
     /// Row by row from the south; NaN is no value.
     #[serde(skip)]
     pub(super) cells: Vec<f32>,
@@ -145,7 +145,7 @@ mod tests {
             asked: Some(1.5),
             total: None,
             notes: vec!["a note".to_owned()],
-            values: PartValues::default(),
+            values: TileValues::default(),
             cells,
         }
     }

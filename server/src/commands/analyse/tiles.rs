@@ -12,7 +12,7 @@ use crate::analysis::answer::{Answer, Progress, grown};
 use crate::args::Analysis;
 use insula_analysis::buildings::sum_up;
 use insula_analysis::clock::Moment;
-use insula_analysis::gathered::{GatheredValues, PartValues};
+use insula_analysis::gathered::{GatheredValues, TileValues};
 use insula_analysis::surface::{CitySurface, MAX_CELLS};
 use insula_archive::new_file::{remove_empty_folder, remove_marked};
 use insula_command_line::output::Outputs;
@@ -215,7 +215,7 @@ fn compute_tile(
         None => question.answer(&mut surface, progress)?,
     };
     let answer = answer.within(&surface, tile);
-    let values = PartValues::of(&sum_up(&surface, &answer.tops, &answer.points, &answer.walls, answer.asked));
+    let values = TileValues::of(&sum_up(&surface, &answer.tops, &answer.points, &answer.walls, answer.asked));
     let Answer { title, column, asked, total, notes, .. } = &answer;
     Ok(FinishedTile {
         title: title.clone(),
