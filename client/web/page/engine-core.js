@@ -1,7 +1,6 @@
 /** What owns a viewer in a worker: takes messages of the page, runs the frame loop, and reports. */
 
 import init, { CityViewer } from './insula_web.js';
-import initGpu, { GpuRenderer } from './insula_web_gpu.js';
 import initObjects, { ObjectReader } from './insula_web_objects.js';
 import { captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
@@ -23,7 +22,7 @@ compiled.catch(() => {});
  * @property {(step: object) => void} [begin] A step of a frame begins.
  * @property {(step: object, hit: Uint32Array) => void} [rows] Rows were drawn: for each its nodes, then its distances.
  * @property {(viewer: CityViewer, waitMs: number) => void} [rest] Nothing is drawn for this time, unless something changes.
- * @property {(gpu: GpuRenderer, step: object) => Promise<void>} [drawn] The GPU is drawing a frame: called in the task that began it.
+ * @property {(gpu: import('./insula_web_gpu.js').GpuRenderer, step: object) => Promise<void>} [drawn] The GPU is drawing a frame: called in the task that began it.
  */
 
 export class Engine {
@@ -35,7 +34,7 @@ export class Engine {
   /** @type {Helpers} */ #helpers;
   /** @type {Screen} */ #screen;
   /** @type {any} */ #options;
-  /** What draws on a GPU; `null` while the CPU does. @type {GpuRenderer|null} */ #gpu = null;
+  /** What draws on a GPU; `null` while the CPU does. @type {import('./insula_web_gpu.js').GpuRenderer|null} */ #gpu = null;
   /** Whether the page knows that a GPU draws. */
   #isGpu = false;
   #isShown = false;
@@ -251,8 +250,7 @@ export class Engine {
   async #openGpu() {
     const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      await initGpu({ module_or_path: await compileGpu() });
-      const gpu = await GpuRenderer.open(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
+      const gpu = await (await loadGpu()).open(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       gpu.write(this.#viewer.useGpu(gpu.pages()));
       this.gpuName = gpu.name();
       this.#gpu = gpu;
@@ -468,6 +466,17 @@ export class Engine {
     this.#helpers?.dispose();
     close();
   }
+}
+
+/**
+ * What draws on a GPU: its script and its module, which only pages with a GPU fetch. Bundlers make one script of a worker, and copy what is
+ * named like this.
+ */
+async function loadGpu() {
+  const script = import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ new URL('./insula_web_gpu.js', import.meta.url).href);
+  const [{ default: init, GpuRenderer }, module] = await Promise.all([script, compileGpu()]);
+  await init({ module_or_path: module });
+  return GpuRenderer;
 }
 
 /** What the measuring tool does, as the crate reads it. */

@@ -128,6 +128,7 @@ fn ensure_page_shows_city(options: PageOptions) -> Result<()> {
     ensure!((50_000..=most).contains(&bytes), "{bytes} bytes of the program before the first picture");
     let unneeded = [
         ("/shaders.txt", "a GPU"),
+        ("/insula_web_gpu.js", "a GPU"),
         ("/insula_web_gpu_bg.wasm", "a GPU"),
         ("/insula_web_objects_bg.wasm", "questions about objects"),
     ];
