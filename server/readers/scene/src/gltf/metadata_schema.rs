@@ -1,8 +1,8 @@
 //! The JSON of EXT_structural_metadata that is read: classes, enums and property tables.
 
-use super::schema::Raw;
 use serde::Deserialize;
 use serde_json::Value;
+use serde_json::value::RawValue;
 use std::collections::BTreeMap;
 
 #[derive(Debug, Default, Deserialize)]
@@ -11,8 +11,8 @@ pub(super) struct StructuralMetadata {
     pub(super) schema: Option<MetadataSchema>,
     pub(super) schema_uri: Option<String>,
     pub(super) property_tables: Vec<TableEntry>,
-    pub(super) property_textures: Raw,
-    pub(super) property_attributes: Raw,
+    pub(super) property_textures: Option<Box<RawValue>>,
+    pub(super) property_attributes: Option<Box<RawValue>>,
 }
 
 #[derive(Debug, Default, Clone, Deserialize)]
