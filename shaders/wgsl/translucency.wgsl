@@ -1,6 +1,6 @@
 // Light that a translucency map sends through a stone. CPU twin: src/cpu/translucency.rs.
 
-// src/translucency/map.rs documents the fields.
+// src/translucency/mod.rs documents the fields.
 struct TranslucencyMap {
     centre: vec3<f32>,
     radius_m: f32,

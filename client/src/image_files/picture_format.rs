@@ -1,6 +1,6 @@
 //! The formats of pictures, chosen by the extension of the file's name.
 
-use super::picture_notes::PictureNotes;
+use super::PictureNotes;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::webp::WebPEncoder;
 use image::{ExtendedColorType, ImageEncoder, RgbImage};

@@ -7,8 +7,8 @@
 
 use super::completed::{CompletedTriangle, CompletedTriangles};
 use super::connectivity::Connectivity;
-use super::difference::{DIGIT_COUNTS, DifferenceCoder, digits};
 use super::points::Points;
+use super::{DIGIT_COUNTS, DifferenceCoder, digits};
 use crate::codec::rans::{SymbolCoder, SymbolModel};
 use crate::error::{DecodeError, invalid_if};
 

@@ -4,9 +4,9 @@
 //! nothing except at seams. A new value is coded as a difference from a prediction by its triangle: texture coordinates
 //! are continued linearly across a plane.
 
+use super::DifferenceCoder;
 use super::attribute::{Attribute, AttributeKind};
 use super::connectivity::Connectivity;
-use super::difference::DifferenceCoder;
 use super::half_edge::{next, prev};
 use super::points::Points;
 use crate::codec::rans::{SymbolCoder, SymbolModel};

@@ -4,19 +4,18 @@
 //! There are no normals: triangles are flat.
 
 mod cuboid;
-mod landmarks;
 
 use crate::codec::byte_reader::ByteReader;
 pub use crate::codec::object_names::NO_OBJECT;
 use crate::codec::object_names::{Naming, code_list};
 use crate::codec::range::{BitCoder, RangeDecoder, RangeEncoder};
 use crate::error::{DecodeError, check_limit, invalid_if};
+use crate::manifest::MAX_STONES;
 use crate::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh};
 use crate::tile::{TileReader, TileWriter};
 use crate::{TileId, TileKind};
 pub use cuboid::cuboid;
 use image::{ImageFormat, ImageReader, Limits};
-pub use landmarks::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS};
 use std::io::Cursor;
 
 /// Maximum number of levels of detail of a leaf; 0 is the finest.
@@ -121,7 +120,7 @@ impl MeshTile {
             writer.add_raw_section(TAG_OBJECTS, &self.code_objects(&mesh, &corners)?)?;
         }
         if !self.landmarks.is_empty() {
-            writer.add_raw_section(TAG_LANDMARKS, &landmarks::encode(&self.landmarks, &self.objects)?)?;
+            writer.add_raw_section(TAG_LANDMARKS, &encode_landmarks(&self.landmarks, &self.objects)?)?;
         }
         writer.finish()
     }
@@ -148,8 +147,8 @@ impl MeshTile {
         reader.finish()?;
         let mesh = Mesh::decode_within(&tile.section(TAG_MESH, MAX_PART_BYTES)?, MAX_TRIANGLES)?;
         let objects = read_objects(&tile, &mesh)?;
-        let section = tile.section(TAG_LANDMARKS, landmarks::MAX_SECTION_BYTES)?;
-        let landmarks = landmarks::decode(&section, &objects)?;
+        let section = tile.section(TAG_LANDMARKS, MAX_LANDMARKS_BYTES)?;
+        let landmarks = decode_landmarks(&section, &objects)?;
         let tile = Self { mesh, texture, objects, landmarks };
         tile.check()?;
         Ok(tile)
@@ -168,7 +167,7 @@ impl MeshTile {
         };
         let is_share = |a: &Attribute| (a.kind, a.components, a.bits) == (AttributeKind::Other, 1, OCCLUSION_BITS);
         invalid_if(!occlusion.is_none_or(is_share), "a mesh tile's second attribute must be occlusion")?;
-        landmarks::check(&self.landmarks, &self.objects)?;
+        check_landmarks(&self.landmarks, &self.objects)?;
         if let Some(texture) = &self.texture {
             texture.check()?;
             let max = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
@@ -290,6 +289,70 @@ pub fn decode_webp(file: &[u8], size_px: [u32; 2]) -> Result<Vec<u8>, DecodeErro
     let rgb = reader.decode().map_err(damaged)?.into_rgb8();
     invalid_if(rgb.dimensions() != (width_px, height_px), "a mesh's texture is not of its stated size")?;
     Ok(rgb.into_raw())
+}
+
+/// Maximum number of landmarks in a tile.
+pub const MAX_LANDMARKS: usize = 64;
+/// Anchors lie within this many metres of the leaf's corner along each axis.
+pub const MAX_ANCHOR_M: f32 = 1e5;
+const ENTRY_BYTES: usize = 17;
+/// Maximum size of the section in bytes.
+const MAX_LANDMARKS_BYTES: usize = MAX_LANDMARKS * ENTRY_BYTES;
+/// Stands for a landmark in its own colours.
+const NO_STONE: u8 = u8::MAX;
+
+/// An object whose surface is smooth, with ambient occlusion at its vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LandmarkObject {
+    pub object: u32,
+    /// Index into the manifest's `stones`; `None` if it has its own colours.
+    pub stone: Option<u8>,
+    /// Origin of the stone's pattern, in the coordinates of the tile's positions. It is the same place in all tiles, so that the
+    /// pattern has no seam at the border of a leaf.
+    pub anchor_m: [f32; 3],
+}
+
+/// The section's bytes. Fails as [`check`].
+fn encode_landmarks(landmarks: &[LandmarkObject], objects: &[u32]) -> Result<Vec<u8>, DecodeError> {
+    check_landmarks(landmarks, objects)?;
+    let mut bytes = Vec::with_capacity(landmarks.len() * ENTRY_BYTES);
+    for LandmarkObject { object, stone, anchor_m } in landmarks {
+        bytes.extend(object.to_le_bytes());
+        bytes.push(stone.unwrap_or(NO_STONE));
+        anchor_m.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    }
+    Ok(bytes)
+}
+
+/// Reads a section. Fails if it is no list of entries, and as [`check`].
+fn decode_landmarks(section: &[u8], objects: &[u32]) -> Result<Vec<LandmarkObject>, DecodeError> {
+    let mut reader = ByteReader::new(section);
+    let count = section.len() / ENTRY_BYTES;
+    check_limit("the number of a mesh tile's landmarks", count, MAX_LANDMARKS)?;
+    let mut landmarks = Vec::with_capacity(count);
+    for _ in 0..count {
+        let (object, stone) = (reader.u32()?, Some(reader.u8()?).filter(|stone| *stone != NO_STONE));
+        landmarks.push(LandmarkObject { object, stone, anchor_m: [reader.f32()?, reader.f32()?, reader.f32()?] });
+    }
+    reader.finish()?;
+    check_landmarks(&landmarks, objects)?;
+    Ok(landmarks)
+}
+
+/// Fails if there are too many entries, if they are not ascending by object, if an object has no triangle, or if a number is out of
+/// range.
+fn check_landmarks(landmarks: &[LandmarkObject], objects: &[u32]) -> Result<(), DecodeError> {
+    check_limit("the number of a mesh tile's landmarks", landmarks.len(), MAX_LANDMARKS)?;
+    invalid_if(!landmarks.is_sorted_by(|a, b| a.object < b.object), "a mesh tile's landmarks are not in order")?;
+    for entry in landmarks {
+        // Comparisons with NaN are false.
+        let is_near = entry.anchor_m.iter().all(|v| v.abs() <= MAX_ANCHOR_M);
+        if !is_near || entry.stone.is_some_and(|stone| usize::from(stone) >= MAX_STONES) {
+            return Err(DecodeError::Invalid("a landmark has a number out of range"));
+        }
+        invalid_if(entry.object == NO_OBJECT || !objects.contains(&entry.object), "a landmark has no triangle")?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
 //! | `paint_order` | translucent surfaces from the farthest to the nearest |
-//! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
+//! | `tone`, `paint`, `shadow` | colours of shapes, of objects by an attribute; shadows of the sun |
 //! | `drawing` | the finished drawing |
 //! | `picture` | values as colours over the surfaces of a plan |
 //! | `pipeline` | all steps of a drawing |
@@ -26,7 +26,6 @@ mod dxf;
 pub mod error;
 mod face;
 pub mod file;
-mod hatch;
 mod join;
 mod legend;
 pub mod limits;

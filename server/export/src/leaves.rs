@@ -3,11 +3,10 @@
 use crate::column_surfaces;
 use crate::selection::ObjectSelection;
 use crate::source::ExportSource;
-use crate::table::ExportError;
 use crate::table::city::City;
 use crate::table::gather::LeafPositions;
 use crate::table::grid::node_area;
-use crate::table::walk::{EndNode, visit_end_nodes};
+use crate::table::{EndNode, ExportError, visit_end_nodes};
 use insula_objects::FeatureKind;
 use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_protocol::{MeshTile, TileId};

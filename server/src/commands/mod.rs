@@ -35,7 +35,6 @@ mod serve;
 mod sign;
 mod site_documents;
 mod site_folder;
-mod stats;
 #[cfg(feature = "bake")]
 mod survey;
 mod verify;

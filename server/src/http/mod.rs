@@ -14,7 +14,6 @@ mod accept;
 mod access_control;
 #[cfg(feature = "bake")]
 mod analyse;
-mod cached_tiles;
 mod catalog;
 mod city_documents;
 mod city_page;
@@ -35,7 +34,6 @@ mod index_page;
 mod log_limit;
 mod manifest;
 mod metrics;
-mod operations;
 mod page_request;
 mod page_response;
 #[cfg(feature = "bake")]

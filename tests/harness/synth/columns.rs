@@ -2,7 +2,7 @@
 //! column has the height that half of its cell reaches.
 
 use super::blocks::Part;
-use super::raster::{GROUND, OUTSIDE, Raster, SUB, Sample};
+use super::{GROUND, OUTSIDE, Raster, SUB, Sample};
 use glam::{DVec2, Vec2};
 use insula_bake::columns::voxels::{
     SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelObjects, VoxelOuterTop, VoxelPlane,

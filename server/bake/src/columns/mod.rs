@@ -8,7 +8,6 @@
 //! | `clip` | vertical planes that end a column inside its cell |
 //! | `merge` | one column from the vertical lines of a cell |
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
-//! | `thin` | shares that thin objects cover of a parent's cell |
 //! | `thin_parents` | what is thin in a parent: masts, railings, cables |
 //! | `object_votes` | which object a part of a column shows |
 //! | `downsample` | a parent's columns from its children's |
@@ -29,7 +28,6 @@ pub(crate) mod merge;
 pub(crate) mod object_votes;
 pub mod parametrise;
 pub(crate) mod srgb;
-mod thin;
 mod thin_parents;
 pub mod voxels;
 pub(crate) mod wall_fit;

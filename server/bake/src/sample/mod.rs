@@ -12,7 +12,7 @@
 //! | surfels: points spread over the surfaces, for appearance and walls | `surfels` |
 //! | where viewers can be below the horizon | `floor` |
 //! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
-//! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
+//! | full runs and slopes of each column, walls inside cells | `solids`, `cell_grid` |
 //! | columns for walls that no vertical line meets | `thin_surfaces` |
 //! | columns for masts, railings and cables, which cover a share of their cells | `thin_objects` |
 //! | heights and occlusion of generated ground | `ground` |
@@ -38,7 +38,6 @@ mod thin_objects;
 mod thin_surfaces;
 mod visibility;
 mod visibility_map;
-mod wall_pieces;
 
 use crate::columns::fill::fill_unknown;
 use crate::columns::voxels::VoxelNode;

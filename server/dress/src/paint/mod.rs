@@ -12,7 +12,6 @@ mod class;
 mod clip;
 mod error;
 mod junctions;
-mod line_paint;
 mod material;
 mod noise;
 mod painter;

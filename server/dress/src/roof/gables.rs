@@ -1,11 +1,9 @@
 //! Roofs from the straight skeleton: hipped, or with gables at the ends of ridges.
 
-use super::RoofFault;
-use super::outline::Outline;
 use super::plan::{Plan, PlanPoint};
-use super::profile::HALF_HIP_RISE;
 use super::simplify::{self, Side};
 use super::skeleton::skeleton;
+use super::{HALF_HIP_RISE, Outline, RoofFault};
 use glam::DVec2;
 
 /// The walls beside a gable are antiparallel but for an angle of this cosine.

@@ -1,8 +1,7 @@
 //! A roof seen from above: faces that divide the footprint, with a height at each point.
 
 pub(super) use super::cut::{PlanFace, PlanPoint};
-use super::outline::Outline;
-use super::{RoofFault, cut, simple};
+use super::{Outline, RoofFault, cut, simple};
 use glam::DVec2;
 
 /// Edges of a face may cross by this much, by rounding.

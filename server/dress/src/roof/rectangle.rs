@@ -1,7 +1,6 @@
 //! Directions of a plan: the smallest rectangle around it, and the ridge that follows.
 
-use super::outline::Outline;
-use super::{RoofOrientation, RoofSpec, simple};
+use super::{Outline, RoofOrientation, RoofSpec, simple};
 use glam::DVec2;
 
 /// Plans that fill this share of their rectangle are treated as one.

@@ -1,8 +1,7 @@
 //! The closed surface of a building: the faces of its roof, the walls below their border, and the floor.
 
-use super::outline::Outline;
 use super::plan::Plan;
-use super::{RoofFault, RoofSpec, cut};
+use super::{Outline, RoofFault, RoofSpec, cut};
 use insula_source::object::{Surface, SurfaceRole};
 use std::collections::HashMap;
 

@@ -1,7 +1,6 @@
 //! Walls of an outline: runs of edges that are straight but for the precision of the data.
 
-use super::outline::Outline;
-use super::simple;
+use super::{Outline, simple};
 use glam::DVec2;
 
 /// Corners nearer than this to a wall's line are on it.

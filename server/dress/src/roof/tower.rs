@@ -1,8 +1,7 @@
 //! Roofs of scaled outlines around a centre: pyramids, domes and onions.
 
-use super::outline::Outline;
 use super::plan::{Plan, PlanPoint};
-use super::{RoofFault, gables};
+use super::{Outline, RoofFault, gables};
 use glam::DVec2;
 
 /// The centre is at least this share of the wall's distance from the corners inside of each wall's line.

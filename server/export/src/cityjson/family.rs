@@ -7,8 +7,7 @@ use super::surfaces::Point;
 use crate::table::city::{City, Plan};
 use crate::table::columns::{ColumnView, Top};
 use crate::table::gather::LeafPositions;
-use crate::table::walk::{EndNode, visit_end_nodes};
-use crate::table::{ExportError, OpenObjects};
+use crate::table::{EndNode, ExportError, OpenObjects, visit_end_nodes};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap};
 

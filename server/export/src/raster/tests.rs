@@ -1,11 +1,13 @@
 //! Rasters of a small city, read back with the crate `tiff`.
 
-use super::NODATA;
+use super::*;
 use crate::file::export;
 use crate::format::{Format, Projections};
 use crate::selection::ObjectSelection;
-use crate::table::test_city::{COURT, ORIGIN, TestCity};
+use crate::table::test_city::{COURT, ORIGIN, TestCity, manifest};
 use crate::table::{ExportError, ExportReport, TableOptions};
+use insula_protocol::TileId;
+use insula_protocol::blockmap::NodeGround;
 use std::fs::File;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::Tag;
@@ -86,4 +88,16 @@ fn selections_crop_and_mask() {
         read(&ObjectSelection { bbox: nowhere, ..ObjectSelection::default() }),
         Err(ExportError::ObjectSelection(_))
     ));
+}
+
+#[test]
+fn ground_that_the_source_does_not_have_is_marked() {
+    let mut map = BlockMap::empty(TileId::ROOT, 0.5, 0, 0);
+    map.flags[7] = flag::OCCUPIED;
+    map.z_max[7] = 400;
+    map.ground = Some(Box::new(NodeGround { squares: u64::MAX, ..NodeGround::default() }));
+    let tops = node_tops(&manifest(2), map);
+    let marks: Vec<bool> = tops.iter().flatten().map(|top| top.is_generated).collect();
+    let given: Vec<usize> = (0..marks.len()).filter(|cell| !marks[*cell]).collect();
+    assert_eq!((marks.len(), given), (COLUMNS, vec![7]));
 }

@@ -6,8 +6,7 @@
 use super::city::{City, Plan};
 use super::columns::ColumnView;
 use super::outline::{Outline, area_m2};
-use super::walk::{EndNode, visit_end_nodes};
-use super::{ExportError, OpenObjects};
+use super::{EndNode, ExportError, OpenObjects, visit_end_nodes};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use insula_protocol::{MeshTile, TileId};
 use std::collections::HashMap;

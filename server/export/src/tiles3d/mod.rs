@@ -17,7 +17,6 @@
 mod archive;
 mod explicit;
 mod frame;
-mod pmtiles;
 mod subtree;
 #[cfg(test)]
 mod tests;

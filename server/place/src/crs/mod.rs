@@ -3,7 +3,6 @@
 //! Names are codes and names of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
 //! lines of Arc/Info, the names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
-mod arc_info;
 mod axes;
 mod definition;
 mod describe;
@@ -205,8 +204,8 @@ pub fn resolve(name: &str) -> Result<Crs, CrsError> {
         projjson::parse(name)
     } else if wkt_crs::is_wkt(name) {
         wkt_crs::parse(name)
-    } else if arc_info::is_description(name) {
-        arc_info::parse(name)
+    } else if is_arc_info(name) {
+        parse_arc_info(name)
     } else {
         name::parse(name)
     }
@@ -326,5 +325,54 @@ impl Area {
         let is_between = |lon: f64| (west - reach_deg..=east + reach_deg).contains(&lon);
         let is_in_turn = [lon - 360.0, lon, lon + 360.0].into_iter().any(is_between);
         is_in_turn && (south - reach_deg..=north + reach_deg).contains(&lat)
+    }
+}
+
+/// Whether a text is such a description: several lines, the first of which names a projection.
+fn is_arc_info(text: &str) -> bool {
+    let mut words = text.split_ascii_whitespace();
+    words.next().is_some_and(|word| word.eq_ignore_ascii_case("projection")) && text.contains('\n')
+}
+
+/// The system of a description. Fails if it is neither UTM nor longitude and latitude, in metres or degrees.
+fn parse_arc_info(text: &str) -> Result<Crs, CrsError> {
+    let value = |wanted: &str| {
+        let of_line = |line: &str| {
+            let (word, value) = line.trim().split_once(char::is_whitespace)?;
+            word.eq_ignore_ascii_case(wanted).then(|| value.trim().to_ascii_uppercase())
+        };
+        text.lines().find_map(of_line).unwrap_or_default()
+    };
+    let unsupported = |word: &str| CrsError::Unsupported(format!("its {word} is {}", value(word)));
+    let is_shifted = |word: &str| value(word).parse::<f64>().is_ok_and(|shift| shift != 0.0);
+    if let Some(word) = ["xshift", "yshift"].into_iter().find(|word| is_shifted(word)) {
+        return Err(unsupported(word));
+    }
+    if !matches!(&*value("zunits"), "" | "NO" | "METERS" | "1" | "1.0") {
+        return Err(unsupported("zunits"));
+    }
+    // Code in degrees, and what the zone is added to for UTM.
+    let (degrees, zones) = match &*value("datum") {
+        "WGS84" | "WGS_1984" | "WGS 84" => (4326, 32_600),
+        "ETRS89" | "ETRS_1989" | "ETRF89" => (4258, 25_800),
+        "NAD83" => (4269, 26_900),
+        "NAD27" => (4267, 26_700),
+        "" | "NONE" if matches!(&*value("spheroid"), "WGS84" | "GRS80" | "GRS1980") => (4326, 32_600),
+        _ => return Err(unsupported("datum")),
+    };
+    match (&*value("projection"), &*value("units")) {
+        ("GEOGRAPHIC", "DD" | "DEGREES") => from_codes(degrees, None),
+        ("UTM", "METERS" | "METRES" | "1" | "1.0") => {
+            let zone = value("zone").parse::<i32>().ok().filter(|zone| (1..=60).contains(&zone.abs()));
+            let zone = zone.ok_or_else(|| unsupported("zone"))?;
+            // Zones of the south are negative. Only WGS 84 has all of them.
+            match (zone < 0, zones) {
+                (false, _) => from_codes(zones + zone.unsigned_abs(), None),
+                (true, 32_600) => from_codes(32_700 + zone.unsigned_abs(), None),
+                (true, _) => Err(unsupported("zone")),
+            }
+        }
+        ("GEOGRAPHIC" | "UTM", _) => Err(unsupported("units")),
+        _ => Err(unsupported("projection")),
     }
 }

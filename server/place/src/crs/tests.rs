@@ -384,3 +384,32 @@ fn areas_may_cross_the_antimeridian() {
     assert!(!fiji.contains([-177.0, -18.0], 0.5) && fiji.contains([-177.0, -18.0], 1.5));
     assert!(!fiji.contains([179.0, 18.0], 1.0));
 }
+
+#[test]
+fn utm_and_degrees_are_known_by_their_lines() {
+    let text = |projection: &str, datum: &str, units: &str, rest: &str| {
+        format!(
+            "Projection    {projection}\r\nDatum  {datum}\nSpheroid GRS80\nUnits {units}\nZunits NO\n{rest}\nParameters \n"
+        )
+    };
+    let code = |text: &str| resolve(text).map(|crs| crs.horizontal.code.unwrap_or_default());
+    for (projection, datum, units, rest, expected) in [
+        ("UTM", "WGS84", "METERS", "Zone 32", 32_632),
+        ("utm", "WGS84", "meters", "zone -19", 32_719),
+        ("UTM", "NAD83", "METERS", "Zone 18\nXshift 0.0", 26_918),
+        ("UTM", "ETRS89", "METERS", "Zone 32", 25_832),
+        ("UTM", "NONE", "METERS", "Zone 32", 32_632),
+        ("GEOGRAPHIC", "WGS84", "DD", "", 4326),
+    ] {
+        assert_eq!(code(&text(projection, datum, units, rest)), Ok(expected), "{projection} {datum} {rest}");
+    }
+    let reason = |text: &str| match code(text) {
+        Err(CrsError::Unsupported(reason)) => reason,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(reason(&text("ALBERS", "NAD83", "METERS", "")), "its projection is ALBERS");
+    assert_eq!(reason(&text("UTM", "NAD83", "FEET", "Zone 18")), "its units is FEET");
+    assert_eq!(reason(&text("UTM", "NAD83", "METERS", "Zone 99")), "its zone is 99");
+    assert_eq!(reason(&text("UTM", "NAD83", "METERS", "Zone 18\nYshift 5")), "its yshift is 5");
+    assert_eq!(reason(&text("UTM", "CAPE", "METERS", "Zone 35")), "its datum is CAPE");
+}

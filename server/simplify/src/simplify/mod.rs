@@ -12,30 +12,25 @@
 //! |---|---|
 //! | `quadric` | sums of squared distances to planes |
 //! | `collapsible_mesh`, `collapse` | the half-edge mesh, and collapsing one of its edges |
-//! | `edge_queue` | the cheapest edges of a round |
-//! | `parts` | connected parts that may be removed |
 //! | `wedges` | attribute values of the corners |
-//! | `texture_quadric` | sums of squared differences of texture coordinates |
 //! | `simplifier` | the rounds of collapses |
-//! | `output` | the result as a model |
 
 mod collapse;
 mod collapsible_mesh;
-mod edge_queue;
-mod output;
-mod parts;
 mod quadric;
 mod simplifier;
-mod texture_quadric;
 mod wedges;
 
-use crate::model::TriangleModel;
+use crate::model::{CornerLayer, NO_VALUE, TriangleModel};
 use crate::surface::Surface;
-use collapsible_mesh::VertexConstraint;
+use collapsible_mesh::{CollapsibleMesh, VertexConstraint};
 use glam::DVec3;
-use insula_protocol::mesh::half_edge::{HalfEdgeMesh, RepairReport};
+use insula_protocol::mesh::AttributeKind;
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE, RepairReport};
 pub use simplifier::Goal;
 use simplifier::Simplifier;
+use std::collections::HashMap;
+use wedges::WedgeValues;
 
 /// The result of a simplification.
 #[derive(Debug, Clone)]
@@ -70,9 +65,9 @@ pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bo
             simplifier.mesh.vertices[vertex].constraint = VertexConstraint::Fixed;
         }
     }
-    let mut parts = parts::find_removable_parts(&pieces, &simplifier.mesh, &is_kept);
+    let mut parts = find_removable_parts(&pieces, &simplifier.mesh, &is_kept);
     let removed_parts = simplifier.run(goal, &mut parts);
-    let model = output::build_model(&simplifier.mesh, &simplifier.wedges, model, centre);
+    let model = build_model(&simplifier.mesh, &simplifier.wedges, model, centre);
     let sources = (0..simplifier.mesh.is_alive.len()).filter(|t| simplifier.mesh.is_alive[*t]);
     let sources = sources.map(|t| pieces.corner[3 * t] / 3).collect();
     Simplified { model, sources, error: simplifier.error, repairs: pieces.report, removed_parts }
@@ -159,4 +154,146 @@ pub fn simplify_within(model: &TriangleModel, source: &Surface, limit: f64) -> S
 pub fn largest_distance(source: &Surface, model: &TriangleModel) -> f64 {
     let Some(result) = Surface::of_model(model) else { return f64::INFINITY };
     source.largest_distance(&result, SAMPLES).max(result.largest_distance(source, SAMPLES))
+}
+
+/// The remaining triangles. Fixed vertices get the exact positions of the input, and those that were cut apart are
+/// joined again. `centre` is the origin of the mesh's positions in the model.
+fn build_model(mesh: &CollapsibleMesh, wedges: &WedgeValues, input: &TriangleModel, centre: DVec3) -> TriangleModel {
+    let layers = input
+        .layers
+        .iter()
+        .map(|layer| CornerLayer { values: Vec::new(), corners: Vec::new(), kind: layer.kind, width: layer.width })
+        .collect();
+    let mut builder = ModelBuilder {
+        mesh,
+        wedges,
+        input,
+        centre,
+        model: TriangleModel { layers, ..TriangleModel::default() },
+        vertex_numbers: vec![NONE; mesh.vertices.len()],
+        fixed_numbers: HashMap::new(),
+        value_numbers: vec![NONE; wedges.len()],
+    };
+    for t in (0..mesh.is_alive.len() as u32).filter(|t| mesh.is_alive[*t as usize]) {
+        let corners = [0, 1, 2].map(|k| builder.vertex(mesh.origin(4 * t + k)));
+        builder.model.triangles.push(corners);
+        if wedges.layers > 0 {
+            (0..3).for_each(|k| builder.add_corner(mesh.wedge(4 * t + k)));
+        }
+    }
+    builder.model
+}
+
+struct ModelBuilder<'a> {
+    mesh: &'a CollapsibleMesh,
+    wedges: &'a WedgeValues,
+    input: &'a TriangleModel,
+    centre: DVec3,
+    model: TriangleModel,
+    /// Number in the model of each vertex of the mesh, or [`NONE`].
+    vertex_numbers: Vec<u32>,
+    /// Number in the model of each fixed vertex of the input.
+    fixed_numbers: HashMap<u32, u32>,
+    /// Number in the model of each wedge, or [`NONE`].
+    value_numbers: Vec<u32>,
+}
+
+impl ModelBuilder<'_> {
+    /// The number of a vertex in the model, which gets its position when it is first used.
+    fn vertex(&mut self, vertex: u32) -> u32 {
+        let known = self.vertex_numbers[vertex as usize];
+        if known != NONE {
+            return known;
+        }
+        let source = self.mesh.source[vertex as usize];
+        let is_fixed = self.mesh.vertices[vertex as usize].constraint == VertexConstraint::Fixed;
+        let next = self.model.positions.len() as u32;
+        let number = if is_fixed { *self.fixed_numbers.entry(source).or_insert(next) } else { next };
+        if number == next {
+            let moved = self.mesh.position(vertex) + self.centre;
+            self.model.positions.push(if is_fixed { self.input.positions[source as usize] } else { moved.into() });
+        }
+        self.vertex_numbers[vertex as usize] = number;
+        number
+    }
+
+    /// Adds a corner with the values of a wedge to all layers.
+    fn add_corner(&mut self, wedge: usize) {
+        let is_new = self.value_numbers[wedge] == NONE;
+        if is_new {
+            self.value_numbers[wedge] = self.model.layers[0].values.len() as u32;
+        }
+        for (i, layer) in self.model.layers.iter_mut().enumerate() {
+            if is_new {
+                let [x, y, z, w] = self.wedges.value(wedge, i).map(|v| if v.is_nan() { 0.0 } else { v });
+                let length = if layer.kind == AttributeKind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
+                let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
+                layer.values.push([x, y, z, w].map(|v| v * scale));
+            }
+            let is_missing = self.wedges.value(wedge, i)[0].is_nan();
+            layer.corners.push(if is_missing { NO_VALUE } else { self.value_numbers[wedge] });
+        }
+    }
+}
+
+/// A connected part that may be removed.
+struct RemovablePart {
+    triangles: Vec<u32>,
+    /// Area times squared half diagonal, comparable with the cost of a collapse.
+    cost: f64,
+    /// Half the diagonal of the bounding box: the error of removing the part.
+    half_diagonal: f64,
+}
+
+/// The connected parts that may be removed, the cheapest last. Parts with a vertex of `is_kept` stay, and so does the
+/// one with the largest area.
+fn find_removable_parts(pieces: &HalfEdgeMesh, mesh: &CollapsibleMesh, is_kept: &[bool]) -> Vec<RemovablePart> {
+    let mut parts = Vec::new();
+    if pieces.report.pieces < 2 {
+        return parts;
+    }
+    let mut seen = vec![false; pieces.triangles()];
+    let mut largest = (0.0, None);
+    for seed in 0..pieces.triangles() as u32 {
+        if std::mem::replace(&mut seen[seed as usize], true) {
+            continue;
+        }
+        let triangles = connected_triangles(pieces, seed, &mut seen);
+        let mut corners = triangles.iter().flat_map(|t| 3 * t..3 * t + 3);
+        if corners.any(|h| is_kept[pieces.origin[h as usize] as usize]) {
+            continue;
+        }
+        let (mut min, mut max, mut area) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
+        for &t in &triangles {
+            let corners = mesh.corners(t);
+            corners.iter().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
+            area += (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() * 0.5;
+        }
+        if area > largest.0 {
+            largest = (area, Some(parts.len()));
+        }
+        let half_diagonal = (max - min).length() * 0.5;
+        parts.push(RemovablePart { triangles, cost: area * half_diagonal * half_diagonal, half_diagonal });
+    }
+    if let Some(largest) = largest.1 {
+        parts.swap_remove(largest);
+    }
+    parts.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+    parts
+}
+
+/// All triangles connected to `seed`, which is marked as `seen` already.
+fn connected_triangles(pieces: &HalfEdgeMesh, seed: u32, seen: &mut [bool]) -> Vec<u32> {
+    let mut triangles = vec![seed];
+    let mut at = 0;
+    while let Some(&t) = triangles.get(at) {
+        at += 1;
+        for h in 3 * t..3 * t + 3 {
+            let twin = pieces.twin[h as usize];
+            if twin != NONE && !std::mem::replace(&mut seen[twin as usize / 3], true) {
+                triangles.push(twin / 3);
+            }
+        }
+    }
+    triangles
 }
