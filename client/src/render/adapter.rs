@@ -1,7 +1,6 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
-use super::remembered::{RememberedTrials, trial_key};
-use super::trial::DriverTrial;
+use super::{DriverTrial, RememberedTrials, trial_key};
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::{Pixels, RayCounts};

@@ -7,7 +7,6 @@
 //! a chosen [`Quality`].
 
 mod appearance;
-mod azimuth;
 mod bottoms;
 mod decode;
 mod encode;

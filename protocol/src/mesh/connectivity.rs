@@ -7,10 +7,9 @@
 //! list. Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever
 //! list it is in. A join also codes how the free edges of that vertex are divided.
 
-use super::active_lists::{ActiveLists, ActiveNode};
-use super::closed_mesh::ClosedMesh;
 use super::encoder_state::EncoderState;
 use super::half_edge::{NONE, next, prev};
+use super::{ActiveLists, ActiveNode, ClosedMesh};
 use crate::codec::rans::{SymbolCoder, SymbolModel};
 use crate::error::{DecodeError, invalid_if};
 

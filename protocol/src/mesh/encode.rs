@@ -1,14 +1,13 @@
 //! Encoding of meshes.
 
-use super::closed_mesh::ClosedMesh;
 use super::connectivity::{self, Connectivity};
 use super::half_edge::{HalfEdgeMesh, NONE, RepairReport};
 use super::points::Points;
 use super::scan_prediction::Classes;
 use super::scan_weights::Weights;
 use super::{
-    ARCHITECTURAL, Attribute, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
-    WIDE_GRID, architectural_positions, attribute_values, scan_positions, weld,
+    ARCHITECTURAL, Attribute, CLASSES_SHIFT, ClosedMesh, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
+    POSITION_BITS, VERSION, WIDE_GRID, architectural_positions, attribute_values, scan_positions, weld,
 };
 use crate::codec::rans::{LANES, RansEncoder};
 use crate::codec::varint;

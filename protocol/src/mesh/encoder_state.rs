@@ -1,6 +1,6 @@
 //! What the writer of connectivity knows beyond a reader: the whole mesh, and which parts of it were traversed.
 
-use super::closed_mesh::ClosedMesh;
+use super::ClosedMesh;
 use super::half_edge::{NONE, next, prev};
 
 /// State of a writer. A reader's is empty and unused.

@@ -1,11 +1,9 @@
 //! Occlusion on the CPU: all cores draw and test maps.
 
-use crate::ViewPair;
 use crate::depth_map::{DepthMap, Projected};
 use crate::prepared::PreparedScene;
-use crate::settings::OcclusionError;
 use crate::sums::OcclusionSums;
-use crate::visibility::{COSINE_SHIFT, project, sees};
+use crate::{COSINE_SHIFT, OcclusionError, ViewPair, project, sees};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicBool, AtomicU32};

@@ -1,10 +1,10 @@
 //! Occlusion on a GPU: the same whole numbers, by the shaders of `insula-shaders`.
 
 use crate::prepared::{MapFrame, PreparedScene, SUBTEXEL_BITS};
-use crate::settings::OcclusionError;
 use crate::sums::{COSINE_BITS, OcclusionSums, VertexSum};
-use crate::visibility::{BIAS_PER_SLOPE, BIAS_TEXELS, COSINE_SHIFT, MAX_BIAS_SLOPE, MAX_SLOPE};
-use crate::{UNIT_SHIFT, ViewPair};
+use crate::{
+    BIAS_PER_SLOPE, BIAS_TEXELS, COSINE_SHIFT, MAX_BIAS_SLOPE, MAX_SLOPE, OcclusionError, UNIT_SHIFT, ViewPair,
+};
 use insula_shaders::gpu::GpuError;
 use insula_shaders::gpu::occlusion::{OcclusionMaps, OcclusionScene};
 use insula_shaders::layout::{OCCLUSION_SPLIT, OcclusionUniform};

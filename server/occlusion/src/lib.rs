@@ -16,19 +16,16 @@ mod depth_map;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod prepared;
-mod settings;
 mod sums;
 #[cfg(test)]
 mod tests;
-mod visibility;
 
+use depth_map::{DepthMap, Projected};
 use glam::DVec3;
-use prepared::PreparedScene;
 pub use prepared::REACH_RADII;
-pub use settings::{
-    MAP_PX, MAX_COORDINATE, MAX_COUNT, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS,
-};
+use prepared::{MapFrame, PreparedScene, SUBTEXEL_BITS};
 use std::f64::consts::PI;
+use sums::COSINE_BITS;
 
 /// Occlusion of a mesh's vertices, on all threads of the current rayon pool.
 ///
@@ -99,4 +96,153 @@ pub(crate) fn view_pairs(count: u32) -> Vec<ViewPair> {
 #[inline(always)]
 pub(crate) fn dot(a: [i32; 3], b: [i32; 3]) -> i64 {
     i64::from(a[0]) * i64::from(b[0]) + i64::from(a[1]) * i64::from(b[1]) + i64::from(a[2]) * i64::from(b[2])
+}
+
+/// Fewest and most directions.
+pub const VIEWS: std::ops::RangeInclusive<u32> = 1..=4096;
+/// Smallest and largest side of a depth map, in texels.
+pub const MAP_PX: std::ops::RangeInclusive<u32> = 64..=4096;
+/// Most vertices, and most triangles, of mesh and occluders together.
+pub const MAX_COUNT: usize = 1 << 26;
+/// Larger coordinates are refused. Below it, all intermediate numbers are finite.
+pub const MAX_COORDINATE: f64 = 1e15;
+
+/// How finely occlusion is sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OcclusionSettings {
+    /// Number of directions, within [`VIEWS`]. They come in opposite pairs: an odd number counts as the next one.
+    pub views: u32,
+    /// Side of a depth map in texels, within [`MAP_PX`].
+    pub map_px: u32,
+    /// Whether the mean visible directions are wanted as well.
+    pub bent_normals: bool,
+}
+
+impl Default for OcclusionSettings {
+    /// Those of the report (Mischitelli 2007, 3.6.1).
+    fn default() -> Self {
+        Self { views: 256, map_px: 1024, bent_normals: false }
+    }
+}
+
+impl OcclusionSettings {
+    /// Number of pairs of opposite directions.
+    pub(crate) fn pairs(self) -> u32 {
+        self.views.div_ceil(2)
+    }
+
+    /// Fails if a number is out of its range.
+    pub(crate) fn check(self) -> Result<(), OcclusionError> {
+        if !VIEWS.contains(&self.views) {
+            return Err(OcclusionError::Views(self.views));
+        }
+        if !MAP_PX.contains(&self.map_px) {
+            return Err(OcclusionError::MapPx(self.map_px));
+        }
+        Ok(())
+    }
+}
+
+/// A mesh whose vertices get values.
+#[derive(Debug, Clone, Copy)]
+pub struct OccludedMesh<'a> {
+    /// Vertices in any unit. Vertices at the same position should be one, because normals are per vertex.
+    pub positions: &'a [[f64; 3]],
+    /// Triples of vertices, counter-clockwise from outside.
+    pub triangles: &'a [[u32; 3]],
+}
+
+/// How open a mesh is at its vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Occlusion {
+    /// For each vertex the cosine-weighted share of its hemisphere that is visible: 0 is closed, 1 open. Vertices without a
+    /// normal (no triangle, or only degenerate ones) have 1.
+    pub share: Vec<f32>,
+    /// For each vertex the mean of the visible directions, weighted like the share, as a unit vector; its normal where nothing is visible, 0 where it
+    /// has none. `None` unless [`OcclusionSettings::bent_normals`].
+    pub bent_normals: Option<Vec<[f32; 3]>>,
+}
+
+/// Why there is no occlusion.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum OcclusionError {
+    #[error("{0} views are asked for, 1 to 4096 are possible")]
+    Views(u32),
+    #[error("depth maps of {0} texels are asked for, 64 to 4096 are possible")]
+    MapPx(u32),
+    #[error("more than {MAX_COUNT} vertices or triangles")]
+    TooMany,
+    #[error("vertex {0} has a coordinate that is not finite, or beyond 10^15")]
+    Position(usize),
+    #[error("occluder {0} has a coordinate that is not finite, or beyond 10^15")]
+    Occluder(usize),
+    #[error("triangle {0} refers to a vertex that does not exist")]
+    Triangle(usize),
+    #[error("cancelled")]
+    Cancelled,
+    /// The device failed, or there is none.
+    #[error("{0}")]
+    Gpu(String),
+}
+
+/// A vertex may lie this much behind a map's depth, in texels, besides what its surface is inclined by (3.3.1).
+pub(crate) const BIAS_TEXELS: f32 = 0.75;
+/// The same for each unit of the surface's slope in the map.
+pub(crate) const BIAS_PER_SLOPE: f32 = 0.25;
+/// Up to this slope.
+pub(crate) const MAX_BIAS_SLOPE: f32 = 8.0;
+/// Steeper surfaces are treated like those of this slope. Their cosine, and with it their weight, is small.
+pub(crate) const MAX_SLOPE: f32 = 100.0;
+/// By how much products of two unit vectors are shifted to give cosines.
+pub(crate) const COSINE_SHIFT: u32 = 2 * UNIT_SHIFT - COSINE_BITS;
+
+#[inline(always)]
+pub(crate) fn project(place: [i32; 3], pair: ViewPair, frame: MapFrame) -> Projected {
+    let (shift, middle) = (frame.product_shift(), frame.middle());
+    let [right, down, towards] = pair.axes;
+    [
+        (dot(right, place) >> shift) as i32 + middle,
+        (dot(down, place) >> shift) as i32 + middle,
+        (dot(towards, place) >> UNIT_SHIFT) as i32,
+    ]
+}
+
+/// The product of a vertex's normal with the first direction of a pair, and whether the vertex is seen from that direction
+/// of the pair which it faces.
+///
+/// The map's depth belongs to the centre of a texel. It is compared with the depth that the vertex's tangent plane has
+/// there, so that only the curvature remains for the bias to cover. Both sides of the inequality are multiplied by the
+/// cosine.
+#[inline(always)]
+pub(crate) fn sees(
+    normal: [i32; 3],
+    [x, y, depth]: Projected,
+    pair: ViewPair,
+    frame: MapFrame,
+    map: &DepthMap,
+) -> (i32, bool) {
+    let [right, down, towards] = pair.axes;
+    let facing = dot_of_units(towards, normal);
+    let (along_x, along_y) = (dot_of_units(right, normal) as f32, dot_of_units(down, normal) as f32);
+    let along = (along_x * along_x + along_y * along_y).sqrt();
+    let cosine = (facing.unsigned_abs() as f32).max(along / MAX_SLOPE);
+    let [near, far] = map.depths(x >> SUBTEXEL_BITS, y >> SUBTEXEL_BITS);
+    let in_front = if facing > 0 { near - depth as f32 } else { depth as f32 - far };
+    let texel = frame.texel_steps();
+    let plane = -(along_x * to_centre(x) + along_y * to_centre(y));
+    let bias = BIAS_TEXELS * cosine + BIAS_PER_SLOPE * along.min(MAX_BIAS_SLOPE * cosine);
+    (facing, in_front * cosine <= texel * (plane + bias))
+}
+
+/// From a step of a map to the centre of its texel, in texels.
+#[inline(always)]
+fn to_centre(step: i32) -> f32 {
+    const TEXEL: i32 = 1 << SUBTEXEL_BITS;
+    (TEXEL / 2 - (step & (TEXEL - 1))) as f32 / TEXEL as f32
+}
+
+/// Scalar product of two vectors whose lengths have at most 15 bits.
+#[inline(always)]
+fn dot_of_units(a: [i32; 3], b: [i32; 3]) -> i32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

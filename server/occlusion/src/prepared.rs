@@ -1,7 +1,6 @@
 //! Mesh and occluders on a grid of whole numbers, with normals: what the CPU and the GPU work on.
 
-use crate::settings::{MAX_COORDINATE, MAX_COUNT, OccludedMesh, OcclusionError, OcclusionSettings};
-use crate::{UNIT, UNIT_SHIFT};
+use crate::{MAX_COORDINATE, MAX_COUNT, OccludedMesh, OcclusionError, OcclusionSettings, UNIT, UNIT_SHIFT};
 use glam::DVec3;
 
 /// Binary logarithm of the steps that a texel is divided into. GPUs that follow Vulkan or Direct3D place corners of triangles

@@ -1,8 +1,7 @@
 //! What is summed for each vertex over all directions, and the occlusion that follows from it (Mischitelli 2007, 3.4).
 
 use crate::prepared::PreparedScene;
-use crate::settings::Occlusion;
-use crate::{UNIT, ViewPair};
+use crate::{Occlusion, UNIT, ViewPair};
 use glam::{DVec3, IVec3};
 
 /// Binary digits of a cosine.

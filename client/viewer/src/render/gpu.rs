@@ -1,7 +1,6 @@
 //! The GPU ray-caster.
 
-use super::MadeMaps;
-use super::adapter_info::AdapterInfo;
+use super::{AdapterInfo, MadeMaps};
 use crate::additions::MAX_ADDED_MESHES;
 use crate::cache::{PAGE_BYTES, Upload, slots_for};
 use crate::frame::FrameData;

@@ -1,6 +1,6 @@
 //! How a material's colour varies over the map.
 
-use crate::paint::noise::ValueNoise;
+use crate::paint::ValueNoise;
 use std::sync::OnceLock;
 
 /// Number of lattices of noise.

@@ -4,7 +4,7 @@ use crate::map_store::{MapRecord, is_position, overlap};
 use crate::paint::canvas::Brush;
 use crate::paint::class::{AreaClass, AreaLayer, LineClass};
 use crate::paint::material::PaintMaterial;
-use crate::paint::noise::mix_bits;
+use crate::paint::mix_bits;
 use crate::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
 use crate::paint::surfacing::Surfacing;
 use crate::polygon::area_m2;
