@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_shaders::gpu::{Compose, DeviceQueue, Raycaster};
+use insula_shaders::gpu::nearest::read_texels;
+use insula_shaders::gpu::{Compose, DeviceQueue, Raycaster, target};
 use insula_shaders::layout::Shading;
 use insula_shaders::look::Look;
 use insula_tests::gpu::Gpu;
@@ -64,42 +65,11 @@ fn nearest_pixel(frame: &Pixels, at: [u32; 2], target_px: [u32; 2]) -> u32 {
 }
 
 /// Texels of a target with that format and size, row by row.
-fn compose(
-    gpu: &Gpu,
-    raycaster: &Raycaster,
-    format: wgpu::TextureFormat,
-    [width, height]: [u32; 2],
-) -> Result<Vec<u32>> {
-    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("target"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    });
-    // Rows of a copy are padded to 256 bytes.
-    let row_bytes = (width * 4).next_multiple_of(256);
-    let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("copy"),
-        size: u64::from(row_bytes) * u64::from(height),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
+fn compose(gpu: &Gpu, raycaster: &Raycaster, format: wgpu::TextureFormat, size: [u32; 2]) -> Result<Vec<u32>> {
+    let target = target(&gpu.device, format, size, wgpu::TextureUsages::COPY_SRC);
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     draw(gpu, &mut encoder, raycaster, &target);
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes), rows_per_image: Some(height) };
-    let into = wgpu::TexelCopyBufferInfo { buffer: &copy, layout };
-    encoder.copy_texture_to_buffer(target.as_image_copy(), into, target.size());
-    gpu.queue.submit([encoder.finish()]);
-    copy.slice(..).map_async(wgpu::MapMode::Read, |_| ());
-    gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
-    let view = copy.slice(..).get_mapped_range()?;
-    let rows = view.chunks_exact(row_bytes as usize).map(|row| &row[..width as usize * 4]);
-    Ok(rows.flat_map(|row| row.as_chunks().0).map(|texel| u32::from_le_bytes(*texel)).collect())
+    Ok(read_texels(DeviceQueue { device: &gpu.device, queue: &gpu.queue }, encoder, &target)?)
 }
 
 fn draw(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, raycaster: &Raycaster, target: &wgpu::Texture) {

@@ -7,6 +7,7 @@ use insula_shaders::cpu::night::scramble_cell;
 use insula_shaders::cpu::noise::perlin;
 use insula_shaders::cpu::stone::stone_surface;
 use insula_shaders::cpu::ward::{StoneSide, reflect_stone};
+use insula_shaders::gpu::{bind_group, compute_pipeline, read_words, shader_module};
 use insula_shaders::layout::{FrameUniform, Light, binding};
 use insula_shaders::light::Air;
 use insula_shaders::stone::{MAX_STONES, PRESETS, Stone};
@@ -166,16 +167,8 @@ fn gpu_shows_the_same_stone_as_the_cpu(gpu: &Gpu) -> Result<()> {
 /// The kernel's five rows for each point.
 fn sample(gpu: &Gpu, frame: &FrameUniform, points: &[Point]) -> Result<Vec<Vec4>> {
     let device = &gpu.device;
-    let source = wgpu::ShaderSource::Wgsl(wgsl::stone_samples(KERNEL).into());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("stone"), source });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("stone"),
-        layout: None,
-        module: &module,
-        entry_point: Some("sample_stones"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
+    let module = shader_module(device, "stone", wgsl::stone_samples(KERNEL));
+    let pipeline = compute_pipeline(device, &module, "sample_stones");
     let mut stones = [Stone::NONE; MAX_STONES];
     for (stone, (_, preset)) in stones.iter_mut().zip(PRESETS) {
         *stone = preset;
@@ -192,15 +185,9 @@ fn sample(gpu: &Gpu, frame: &FrameUniform, points: &[Point]) -> Result<Vec<Vec4>
     let unwritten = vec![u32::MAX; points.len() * 20];
     let output = buffer(bytemuck::cast_slice(&unwritten), BufferUsages::STORAGE | BufferUsages::COPY_SRC);
     let group = |index: u32, buffers: &[(u32, &wgpu::Buffer)]| {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-            .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let layout = &pipeline.get_bind_group_layout(index);
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+        bind_group(device, "stone", &pipeline.get_bind_group_layout(index), buffers)
     };
     let groups = [group(0, &[(binding::FRAME, &frame)]), group(1, &[(0, &inputs[0]), (1, &inputs[1]), (2, &output)])];
-    let staging = buffer(bytemuck::cast_slice(&unwritten), BufferUsages::MAP_READ | BufferUsages::COPY_DST);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: None });
     pass.set_pipeline(&pipeline);
@@ -209,10 +196,6 @@ fn sample(gpu: &Gpu, frame: &FrameUniform, points: &[Point]) -> Result<Vec<Vec4>
     }
     pass.dispatch_workgroups((points.len() as u32).div_ceil(64), 1, 1);
     drop(pass);
-    encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, output.size());
     gpu.queue.submit([encoder.finish()]);
-    staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
-    device.poll(wgpu::PollType::wait_indefinitely())?;
-    let view = staging.slice(..).get_mapped_range()?;
-    Ok(bytemuck::pod_collect_to_vec::<u8, Vec4>(&view))
+    Ok(bytemuck::pod_collect_to_vec(&read_words(device, &gpu.queue, &output)?))
 }

@@ -101,18 +101,23 @@ pub enum GpuError {
 }
 
 /// An empty buffer that can be written.
-fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+pub fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let usage = usage | wgpu::BufferUsages::COPY_DST;
     device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false })
 }
 
-fn shader_module(device: &wgpu::Device, label: &str, source: String) -> wgpu::ShaderModule {
+/// A module of WGSL.
+pub fn shader_module(device: &wgpu::Device, label: &str, source: String) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(source.into());
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
 /// The pipeline of an entry point. The shader says what it binds.
-fn compute_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule, entry_point: &str) -> wgpu::ComputePipeline {
+pub fn compute_pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    entry_point: &str,
+) -> wgpu::ComputePipeline {
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(entry_point),
         layout: None,
@@ -124,7 +129,7 @@ fn compute_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule, entry_po
 }
 
 /// Binds whole buffers.
-fn bind_group(
+pub fn bind_group(
     device: &wgpu::Device,
     label: &str,
     layout: &wgpu::BindGroupLayout,
@@ -139,7 +144,7 @@ fn bind_group(
 
 /// A texture to draw into.
 #[cfg(not(target_arch = "wasm32"))]
-fn target(
+pub fn target(
     device: &wgpu::Device,
     format: wgpu::TextureFormat,
     size: [u32; 2],
@@ -159,7 +164,7 @@ fn target(
 
 /// Waits for the device and copies a buffer, which a browser cannot. Fails if the device was lost.
 #[cfg(not(target_arch = "wasm32"))]
-fn read_words(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
+pub fn read_words(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
     let failed = |e: &dyn std::fmt::Display| GpuError::ReadBack(e.to_string());
     let staging = buffer(device, "read back", source.size(), wgpu::BufferUsages::MAP_READ);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });

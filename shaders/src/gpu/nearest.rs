@@ -1,6 +1,6 @@
 //! Maps of the nearest triangle, rendered on a GPU for the bake's visibility.
 
-use super::{GpuError, OpenDevice, buffer, read_words, shader_module, target};
+use super::{DeviceQueue, GpuError, OpenDevice, buffer, read_words, shader_module, target};
 use crate::layout::binding;
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
@@ -65,76 +65,47 @@ impl Nearest {
         let depths = target(&self.device, DEPTHS, size, wgpu::TextureUsages::empty());
         let mut encoder =
             self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("nearest") });
-        self.encode(&mut encoder, &vertices, &numbers, &depths, corners.len() as u32);
-        // Rows of a copy are padded to 256 bytes.
-        let row_words = size[0].next_multiple_of(64);
-        let bytes = u64::from(row_words) * u64::from(size[1]) * 4;
-        let copy = buffer(&self.device, "numbers", bytes, wgpu::BufferUsages::COPY_SRC);
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(row_words * 4),
-            rows_per_image: Some(size[1]),
-        };
-        encoder.copy_texture_to_buffer(
-            numbers.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &copy, layout },
-            numbers.size(),
-        );
-        self.queue.submit([encoder.finish()]);
-        let words = read_words(&self.device, &self.queue, &copy)?;
-        Ok(words.chunks_exact(row_words as usize).flat_map(|row| &row[..size[0] as usize]).copied().collect())
-    }
-
-    fn encode(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        vertices: &wgpu::Buffer,
-        numbers: &wgpu::Texture,
-        depths: &wgpu::Texture,
-        corners: u32,
-    ) {
-        let [numbers, depths] = [numbers, depths].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("nearest"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &numbers,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &depths,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
-                stencil_ops: None,
-            }),
-            ..wgpu::RenderPassDescriptor::default()
-        });
+        let mut pass = depth_pass(&mut encoder, &numbers, &depths, wgpu::Color::TRANSPARENT);
         pass.set_pipeline(&self.pipeline);
         pass.set_vertex_buffer(0, vertices.slice(..));
-        pass.draw(0..corners, 0..1);
+        pass.draw(0..corners.len() as u32, 0..1);
+        drop(pass);
+        read_texels(DeviceQueue { device: &self.device, queue: &self.queue }, encoder, &numbers)
     }
 }
 
 fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
     let module = shader_module(device, "nearest", crate::wgsl::nearest());
     let attributes = wgpu::vertex_attr_array![binding::LOCATION_PLACE => Float32x3, binding::LOCATION_NUMBER => Uint32];
+    let corners = wgpu::VertexBufferLayout {
+        array_stride: size_of::<NearestVertex>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &attributes,
+    };
+    depth_pipeline(device, &module, ["corner", "number"], corners, NUMBERS, None)
+}
+
+/// A pipeline for triangles of which the nearest to the eye stays: depths begin at 0, and are larger there. `entry_points` are those of
+/// corners and of pixels.
+pub fn depth_pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    entry_points: [&str; 2],
+    corners: wgpu::VertexBufferLayout<'_>,
+    format: wgpu::TextureFormat,
+    cull_mode: Option<wgpu::Face>,
+) -> wgpu::RenderPipeline {
+    let [corner, pixel] = entry_points;
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("nearest"),
+        label: Some(pixel),
         layout: None,
         vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("corner"),
+            module,
+            entry_point: Some(corner),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<NearestVertex>() as u64,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &attributes,
-            })],
+            buffers: &[Some(corners)],
         },
-        primitive: wgpu::PrimitiveState::default(),
+        primitive: wgpu::PrimitiveState { cull_mode, ..wgpu::PrimitiveState::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTHS,
             depth_write_enabled: Some(true),
@@ -144,12 +115,56 @@ fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
         }),
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("number"),
+            module,
+            entry_point: Some(pixel),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(NUMBERS.into())],
+            targets: &[Some(format.into())],
         }),
         multiview_mask: None,
         cache: None,
     })
+}
+
+/// Begins a pass of a [`depth_pipeline`] on a cleared colour, with depths that are dropped at its end.
+pub fn depth_pass<'e>(
+    encoder: &'e mut wgpu::CommandEncoder,
+    colour: &wgpu::Texture,
+    depths: &wgpu::Texture,
+    clear: wgpu::Color,
+) -> wgpu::RenderPass<'e> {
+    let [colour, depths] = [colour, depths].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("nearest"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: &colour,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(clear), store: wgpu::StoreOp::Store },
+        })],
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &depths,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+            stencil_ops: None,
+        }),
+        ..wgpu::RenderPassDescriptor::default()
+    })
+}
+
+/// Submits the commands of `encoder`, and returns the texels of a texture, four bytes each, row by row. Fails if the device was lost.
+pub fn read_texels(
+    DeviceQueue { device, queue }: DeviceQueue<'_>,
+    mut encoder: wgpu::CommandEncoder,
+    texture: &wgpu::Texture,
+) -> Result<Vec<u32>, GpuError> {
+    let (width, height) = (texture.width(), texture.height());
+    // Rows of a copy are padded to 256 bytes.
+    let row_words = width.next_multiple_of(64);
+    let copy = buffer(device, "texels", u64::from(row_words) * u64::from(height) * 4, wgpu::BufferUsages::COPY_SRC);
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_words * 4), rows_per_image: Some(height) };
+    let into = wgpu::TexelCopyBufferInfo { buffer: &copy, layout };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), into, texture.size());
+    queue.submit([encoder.finish()]);
+    let words = read_words(device, queue, &copy)?;
+    Ok(words.chunks_exact(row_words as usize).flat_map(|row| &row[..width as usize]).copied().collect())
 }

@@ -7,6 +7,8 @@ use super::triangles::{self, Corner};
 use crate::view::{Camera, FrameSpec};
 use anyhow::Result;
 use glam::{DVec2, DVec3, Vec3};
+use insula_shaders::gpu::nearest::{depth_pass, depth_pipeline};
+use insula_shaders::gpu::{bind_group, buffer, shader_module, target};
 use std::ops::Range;
 
 const TILE_BLOCKS: i32 = 4;
@@ -61,7 +63,7 @@ pub struct Mesh {
 #[derive(Debug)]
 pub struct Target {
     colour: wgpu::Texture,
-    depth: wgpu::TextureView,
+    depth: wgpu::Texture,
 }
 
 impl Mesh {
@@ -78,25 +80,14 @@ impl Mesh {
         }
         uploader.flush();
         let MeshUploader { tiles, buffers, corners, .. } = uploader;
-        let usage = wgpu::BufferUsages::COPY_DST;
-        let make = |size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
-        };
-        let view = make(80, usage | wgpu::BufferUsages::UNIFORM);
+        let view = buffer(device, "view", 80, wgpu::BufferUsages::UNIFORM);
         let origins: Vec<[f32; 4]> = tiles.iter().map(|tile| tile.origin.extend(0.0).into()).collect();
         let bytes: &[u8] = bytemuck::cast_slice(&origins);
-        let origins = make(bytes.len().max(16) as u64, usage | wgpu::BufferUsages::STORAGE);
+        let origins = buffer(device, "origins", bytes.len().max(16) as u64, wgpu::BufferUsages::STORAGE);
         queue.write_buffer(&origins, 0, bytes);
         let pipeline = pipeline(device);
-        let entry = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
-        let entries = [entry(0, &view), entry(1, &origins)];
-        let entries: Vec<_> = entries
-            .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
         let layout = pipeline.get_bind_group_layout(0);
-        let bind_group =
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+        let bind_group = bind_group(device, "triangles", &layout, &[(0, &view), (1, &origins)]);
         Ok(Self { tiles, buffers, pipeline, view, bind_group, triangles: corners / 3 })
     }
 
@@ -129,22 +120,7 @@ impl Mesh {
             .map(|i| ((self.tiles[i].centre - eye).length(), i))
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let colour = target.colour.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("triangles"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &colour,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::WHITE), store: wgpu::StoreOp::Store },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &target.depth,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
-                stencil_ops: None,
-            }),
-            ..wgpu::RenderPassDescriptor::default()
-        });
+        let mut pass = depth_pass(encoder, &target.colour, &target.depth, wgpu::Color::WHITE);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
         let (mut bound, mut triangles) = (usize::MAX, 0);
@@ -163,22 +139,10 @@ impl Mesh {
 
 impl Target {
     pub fn new(device: &wgpu::Device, spec: &FrameSpec) -> Self {
-        let texture = |format, usage| {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: None,
-                size: wgpu::Extent3d { width: spec.width_px, height: spec.height_px, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            })
-        };
-        let depth = texture(wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::empty());
+        let texture = |format, usage| target(device, format, [spec.width_px, spec.height_px], usage);
         Self {
             colour: texture(wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureUsages::COPY_SRC),
-            depth: depth.create_view(&wgpu::TextureViewDescriptor::default()),
+            depth: texture(wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::empty()),
         }
     }
 
@@ -225,12 +189,8 @@ impl MeshUploader<'_> {
     }
 
     fn flush(&mut self) {
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("corners"),
-            size: (self.pending.len().max(1) * CORNER_BYTES) as u64,
-            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let bytes = (self.pending.len().max(1) * CORNER_BYTES) as u64;
+        let buffer = buffer(self.device, "corners", bytes, wgpu::BufferUsages::VERTEX);
         self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&self.pending));
         self.queue.submit([]);
         self.buffers.push(buffer);
@@ -249,37 +209,12 @@ fn words(corner: &Corner) -> [u32; 2] {
 }
 
 fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
-    let source = wgpu::ShaderSource::Wgsl(WGSL.into());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("triangles"), source });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("triangles"),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("corner"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: CORNER_BYTES as u64,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &wgpu::vertex_attr_array![0 => Uint32x2],
-            })],
-        },
-        primitive: wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Back), ..wgpu::PrimitiveState::default() },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: wgpu::TextureFormat::Depth32Float,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("colour"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::TextureFormat::Rgba8Unorm.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let module = shader_module(device, "triangles", WGSL.into());
+    let corners = wgpu::VertexBufferLayout {
+        array_stride: CORNER_BYTES as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &wgpu::vertex_attr_array![0 => Uint32x2],
+    };
+    let (format, cull_mode) = (wgpu::TextureFormat::Rgba8Unorm, Some(wgpu::Face::Back));
+    depth_pipeline(device, &module, ["corner", "colour"], corners, format, cull_mode)
 }
