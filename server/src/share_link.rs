@@ -340,37 +340,17 @@ mod tests {
     fn scope_limits_versions_routes_and_area() {
         let grant = grant();
         assert!(grant.admits_version("abc") && !grant.admits_version("ac"));
-        for (is_read_only, area_mm, computed) in [
-            (
-                false,
-                None,
-                &[
-                    RouteTemplate::Search,
-                    RouteTemplate::Filter,
-                    RouteTemplate::Draw,
-                    RouteTemplate::Analyse,
-                    RouteTemplate::Proposals,
-                    RouteTemplate::Tileset,
-                ][..],
-            ),
-            (true, None, &[RouteTemplate::Search]),
-            (false, Some([0; 4]), &[]),
-            (true, Some([0; 4]), &[]),
-        ] {
+        use RouteTemplate as R;
+        let all = [R::Search, R::Filter, R::Draw, R::Analyse, R::Proposals, R::Tileset];
+        for (is_read_only, area_mm, computed) in
+            [(false, None, &all[..]), (true, None, &all[..1]), (false, Some([0; 4]), &[]), (true, Some([0; 4]), &[])]
+        {
             let scope = ShareScope { is_read_only, area_mm };
-            let all = [
-                RouteTemplate::Search,
-                RouteTemplate::Filter,
-                RouteTemplate::Draw,
-                RouteTemplate::Analyse,
-                RouteTemplate::Proposals,
-                RouteTemplate::Tileset,
-            ];
             for route in all {
                 assert_eq!(scope.admits_computed(route), computed.contains(&route), "{scope:?} {route:?}");
             }
         }
-        assert!(grant.scope.admits_route(RouteTemplate::Meshes) && !grant.scope.admits_route(RouteTemplate::Other));
+        assert!(grant.scope.admits_route(R::Meshes) && !grant.scope.admits_route(R::Other));
         assert_eq!(area_mm([[-1.0, 0.0], [2.5, 0.0005]]), [-1000, 0, 2500, 1]);
         assert_eq!(parse_version("*").as_deref(), Ok("~"));
         assert_eq!(parse_version("ab*").as_deref(), Ok("ab~"));

@@ -1,6 +1,7 @@
 //! `analyse` of a baked house: what it writes, and what it says of wrong options.
 
 use crate::command_line::call;
+use insula_test_support::map_files::house_and_sheds;
 use insula_test_support::programs;
 use insula_tests::tests;
 use insula_tests::trials::Trials;
@@ -47,20 +48,8 @@ const GONE: &str = "[[remove]]\nids = [\"feature 1\"]\n";
 
 /// A folder with the city of the house, and of two sheds so far away that there is ground around it.
 fn baked_city() -> tempfile::TempDir {
-    let building = |height: u32, [x0, y0, x1, y1]: [u32; 4]| {
-        let ring = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]];
-        let geometry = serde_json::json!({ "type": "Polygon", "coordinates": [ring] });
-        serde_json::json!({ "type": "Feature", "properties": { "height": height }, "geometry": geometry })
-    };
-    let features = [
-        building(9, [85_000, 447_000, 85_020, 447_012]),
-        building(3, [84_930, 446_930, 84_934, 446_934]),
-        building(3, [85_080, 447_080, 85_084, 447_084]),
-    ];
-    let crs = serde_json::json!({ "type": "name", "properties": { "name": "EPSG:28992" } });
-    let town = serde_json::json!({ "type": "FeatureCollection", "crs": crs, "features": features });
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("houses.geojson"), town.to_string()).unwrap();
+    fs::write(folder.path().join("houses.geojson"), house_and_sheds()).unwrap();
     let bake = "bake houses.geojson --cell 1 --no-street-sets --no-picture --out city".split(' ').map(OsStr::new);
     assert_eq!(call("insula-server", folder.path(), &bake.collect::<Vec<_>>()), ok());
     folder

@@ -2,6 +2,7 @@
 //! that shows the same.
 
 use crate::command_line::call;
+use insula_test_support::map_files::house_and_sheds;
 use insula_tests::pfm::Pfm;
 use insula_tests::tests;
 use insula_tests::trials::Trials;
@@ -27,16 +28,9 @@ const TOWER: &str = "title = \"Tower\"\n[[add]]\noutline = \"tower.geojson\"\nhe
 /// A folder with the city of a house and of two sheds, the outline of a tower beside the house, and a camera.
 fn baked_city() -> tempfile::TempDir {
     let polygon = |[x0, y0, x1, y1]: [u32; 4]| json!({ "type": "Polygon", "coordinates": [[[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]] });
-    let building = |height: u32, corners: [u32; 4]| json!({ "type": "Feature", "properties": { "height": height }, "geometry": polygon(corners) });
-    let features = [
-        building(9, [85_000, 447_000, 85_020, 447_012]),
-        building(3, [84_930, 446_930, 84_934, 446_934]),
-        building(3, [85_080, 447_080, 85_084, 447_084]),
-    ];
-    let crs = json!({ "type": "name", "properties": { "name": "EPSG:28992" } });
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in [
-        ("houses.geojson", json!({ "type": "FeatureCollection", "crs": crs, "features": features }).to_string()),
+        ("houses.geojson", house_and_sheds()),
         ("tower.geojson", polygon([85_030, 446_990, 85_040, 447_000]).to_string()),
         ("site.geojson", polygon([84_995, 446_995, 85_025, 447_015]).to_string()),
         ("away.geojson", polygon([86_030, 446_990, 86_040, 447_000]).to_string()),

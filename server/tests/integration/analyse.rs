@@ -5,8 +5,9 @@ use crate::web_pages;
 use insula_server::config::ServeConfig;
 use insula_server::http::{AppState, HttpService};
 use insula_server::store::Store;
+use insula_test_support::map_files::house_and_sheds;
 use insula_test_support::small_city;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -24,19 +25,7 @@ fn run(folder: &Path, arguments: &str) -> Vec<u8> {
 
 /// Bakes a house, and two sheds so far away that there is ground around it.
 pub(crate) fn bake_house(folder: &Path) {
-    let building = |height: u32, [x0, y0, x1, y1]: [u32; 4]| {
-        let ring = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]];
-        let geometry = json!({ "type": "Polygon", "coordinates": [ring] });
-        json!({ "type": "Feature", "properties": { "height": height }, "geometry": geometry })
-    };
-    let features = [
-        building(9, [85_000, 447_000, 85_020, 447_012]),
-        building(3, [84_930, 446_930, 84_934, 446_934]),
-        building(3, [85_080, 447_080, 85_084, 447_084]),
-    ];
-    let crs = json!({ "type": "name", "properties": { "name": "EPSG:28992" } });
-    let town = json!({ "type": "FeatureCollection", "crs": crs, "features": features });
-    fs::write(folder.join("houses.geojson"), town.to_string()).unwrap();
+    fs::write(folder.join("houses.geojson"), house_and_sheds()).unwrap();
     run(folder, "bake houses.geojson --cell 1 --no-street-sets --no-picture --out house");
 }
 

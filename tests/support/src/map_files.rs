@@ -27,3 +27,18 @@ pub fn feature_collection(crs: &str, features: &[String]) -> String {
     let crs = format!(r#"{{"type":"name","properties":{{"name":"{crs}"}}}}"#);
     format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","))
 }
+
+/// GeoJSON in EPSG:28992 of a house of 9 m, 20 m wide and 12 m deep with its corner at 85000, 447000, and of two sheds so far away that
+/// there is ground around it.
+pub fn house_and_sheds() -> String {
+    let building =
+        |height: u32, bounds_m: [f64; 4]| rectangle(&format!(r#""properties":{{"height":{height}}}"#), bounds_m);
+    feature_collection(
+        "EPSG:28992",
+        &[
+            building(9, [85_000.0, 447_000.0, 85_020.0, 447_012.0]),
+            building(3, [84_930.0, 446_930.0, 84_934.0, 446_934.0]),
+            building(3, [85_080.0, 447_080.0, 85_084.0, 447_084.0]),
+        ],
+    )
+}
