@@ -4,6 +4,7 @@ use crate::directory::{DirectoryEntry, tile_number};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use insula_protocol::TileId;
+use insula_protocol::codec::varint;
 use std::io::{self, Write};
 
 /// Where the bytes of tiles begin, behind the header and the root directory of up to some million tiles.
@@ -107,28 +108,20 @@ impl DirectoryWriter {
 /// A directory, packed.
 fn pack(entries: &[DirectoryEntry]) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    varint(&mut bytes, entries.len() as u64);
+    varint::push64(&mut bytes, entries.len() as u64);
     let mut before = 0;
     for entry in entries {
-        varint(&mut bytes, entry.number - before);
+        varint::push64(&mut bytes, entry.number - before);
         before = entry.number;
     }
-    entries.iter().for_each(|entry| varint(&mut bytes, entry.run.into()));
-    entries.iter().for_each(|entry| varint(&mut bytes, entry.length.into()));
+    entries.iter().for_each(|entry| varint::push64(&mut bytes, entry.run.into()));
+    entries.iter().for_each(|entry| varint::push64(&mut bytes, entry.length.into()));
     let mut follows = None;
     for entry in entries {
-        varint(&mut bytes, if follows == Some(entry.offset) { 0 } else { entry.offset + 1 });
+        varint::push64(&mut bytes, if follows == Some(entry.offset) { 0 } else { entry.offset + 1 });
         follows = Some(entry.offset + u64::from(entry.length));
     }
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(&bytes)?;
     encoder.finish()
-}
-
-fn varint(bytes: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        bytes.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    bytes.push(value as u8);
 }

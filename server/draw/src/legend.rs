@@ -1,6 +1,7 @@
 //! The legend of colours by an attribute, in the upper left corner of the frame.
 
 use crate::drawing::{SheetItem, TextAnchor};
+use crate::sheet::wrapped;
 use crate::style::Rgb;
 use crate::view::PaperRect;
 use insula_objects::Legend;
@@ -111,7 +112,8 @@ const NOTE_CHARACTERS: usize = 100;
 pub(crate) fn note_items(notes: &[String], frame: &PaperRect) -> Vec<SheetItem> {
     let [width, height] = frame.size();
     let most = (((width - 4.0 * PADDING_MM) / (CHARACTER * TEXT_MM)) as usize).clamp(20, NOTE_CHARACTERS);
-    let lines: Vec<String> = notes.iter().flat_map(|note| wrapped(note, most)).collect();
+    let lines = notes.iter().flat_map(|note| wrapped(note, most));
+    let lines: Vec<String> = lines.map(|line| line.chars().take(most).collect()).collect();
     let lines = &lines[..lines.len().min((0.4 * height / ROW_MM) as usize)];
     let widest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0);
     if widest == 0 {
@@ -131,21 +133,6 @@ pub(crate) fn note_items(notes: &[String], frame: &PaperRect) -> Vec<SheetItem> 
         text: line.clone(),
     }));
     items
-}
-
-/// Lines of at most so many characters, if no word is longer.
-fn wrapped(text: &str, most: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.chars().take(most).collect()),
-        }
-    }
-    lines
 }
 
 #[cfg(test)]

@@ -105,7 +105,7 @@ pub(crate) fn sheet_items(projection: &Projection, block: &TitleBlock) -> Vec<Sh
     let width = (bar - left - 6.0 * part).max(20.0);
     let characters = (width / (NOTE_CHARACTER_MM * part)) as usize;
     let light = wrapped(&block.light, characters).into_iter().take(1);
-    for (line, words) in light.chain(wrapped(&block.attribution, characters)).enumerate() {
+    for (line, words) in light.chain(note_lines(&block.attribution, characters)).enumerate() {
         items.push(text([left, strip.max[1] - (15.8 + NOTE_LINE_MM * line as f64) * part], NOTE_MM, &words));
     }
     items
@@ -116,22 +116,27 @@ fn rectangle(rect: &PaperRect) -> Vec<[f64; 2]> {
     vec![*min, [max[0], min[1]], *max, [min[0], max[1]], *min]
 }
 
-/// Lines of at most so many characters; the last one ends with dots if there is more.
-fn wrapped(text: &str, characters: usize) -> Vec<String> {
+/// Lines of at most so many characters, if no word is longer.
+pub(crate) fn wrapped(text: &str, characters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
-        let is_full = lines.len() == MAX_NOTE_LINES;
         match lines.last_mut() {
             Some(line) if line.chars().count() + 1 + word.chars().count() <= characters => {
                 line.push(' ');
                 line.push_str(word);
             }
-            Some(line) if is_full => {
-                line.push_str(" ...");
-                break;
-            }
             _ => lines.push(word.to_owned()),
         }
+    }
+    lines
+}
+
+/// The first [`MAX_NOTE_LINES`] lines; the last one ends with dots if there is more.
+fn note_lines(text: &str, characters: usize) -> Vec<String> {
+    let mut lines = wrapped(text, characters);
+    if lines.len() > MAX_NOTE_LINES {
+        lines.truncate(MAX_NOTE_LINES);
+        lines.iter_mut().last().into_iter().for_each(|line| line.push_str(" ..."));
     }
     lines
 }
@@ -212,7 +217,7 @@ mod tests {
 
     #[test]
     fn long_notes_are_wrapped_and_end_with_dots() {
-        assert_eq!(wrapped("aa bb cc", 5), ["aa bb", "cc"]);
-        assert_eq!(wrapped("a b c d e", 1), ["a", "b", "c ..."]);
+        assert_eq!(note_lines("aa bb cc", 5), ["aa bb", "cc"]);
+        assert_eq!(note_lines("a b c d e", 1), ["a", "b", "c ..."]);
     }
 }

@@ -1,7 +1,7 @@
 //! Greedy merge of solids into rectangles of columns.
 
-use super::QUARTERS;
 use super::solids::Solid;
+use super::{QUARTERS, mean};
 use insula_protocol::blockmap::{COLUMNS, NODE_CELLS};
 
 /// Most that the tops of a rectangle differ, in sixteenths of a cell: half a cell.
@@ -121,13 +121,4 @@ fn block(min: [usize; 2], max: [usize; 2], members: &[Solid]) -> Block {
     let wall = mean(members.iter().filter_map(|solid| solid.wall)).unwrap_or(roof);
     let (feature, is_floating) = members.first().map_or((0, false), |solid| (solid.feature, solid.is_floating));
     Block { min, max, low, high, roof, wall, feature, is_floating }
-}
-
-fn mean(colours: impl Iterator<Item = [u8; 3]>) -> Option<[u8; 3]> {
-    let (mut sum, mut count) = ([0u32; 3], 0);
-    for rgb in colours {
-        sum = [0, 1, 2].map(|k| sum[k] + u32::from(rgb[k]));
-        count += 1;
-    }
-    (count > 0).then(|| sum.map(|sum| ((sum + count / 2) / count) as u8))
 }

@@ -41,3 +41,13 @@ pub(crate) fn grid(map: &BlockMap) -> DAffine3 {
     let cell = f64::from(map.cell_m);
     stretched([cell, cell, cell / f64::from(QUARTERS)], [0.0, 0.0, map.z_base_m()])
 }
+
+/// The mean of colours; `None` without any.
+fn mean(colours: impl Iterator<Item = [u8; 3]>) -> Option<[u8; 3]> {
+    let (mut sum, mut count) = ([0u32; 3], 0);
+    for rgb in colours {
+        sum = [0, 1, 2].map(|k| sum[k] + u32::from(rgb[k]));
+        count += 1;
+    }
+    (count > 0).then(|| sum.map(|sum| ((sum + count / 2) / count) as u8))
+}

@@ -1,9 +1,10 @@
 //! What columns fill: one solid, or two with a gap between them.
 
+use super::mean;
 use crate::geometry::NO_FEATURE;
 use crate::source::SourceError;
+use insula_protocol::BlockMap;
 use insula_protocol::blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT};
-use insula_protocol::{BlockMap, Texel};
 
 /// A vertical interval of a column, with what it shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,7 +73,8 @@ fn at_middle(column: &MapColumn) -> Option<(MapColumn, Part)> {
 
 /// The solid at the top of a column without a clip, and the one below its gap.
 fn solids(map: &BlockMap, column: &MapColumn) -> [Option<Solid>; 2] {
-    let wall = column.strip.as_ref().and_then(|strip| mean(&strip.texels));
+    let opaque = column.strip.iter().flat_map(|strip| &strip.texels).filter(|texel| !texel.is_open());
+    let wall = mean(opaque.map(|texel| texel.rgb()));
     let solid = |low: u16, high: u16, is_floating: bool| {
         let [low, high] = [low, high].map(|code| u32::from(code) << map.z_shift);
         Some(Solid { low, high, roof: column.roof.rgb(), wall, feature: NO_FEATURE, is_floating })
@@ -81,15 +83,4 @@ fn solids(map: &BlockMap, column: &MapColumn) -> [Option<Solid>; 2] {
         Some([bottom, top]) => [solid(top, column.z_max, true), solid(column.z_min, bottom, column.suspended)],
         None => [solid(column.z_min, column.z_max, column.suspended), None],
     }
-}
-
-/// The mean colour of opaque texels; `None` if there are none.
-fn mean(texels: &[Texel]) -> Option<[u8; 3]> {
-    let (mut sum, mut count) = ([0u32; 3], 0);
-    for texel in texels.iter().filter(|texel| !texel.is_open()) {
-        let rgb = texel.rgb();
-        sum = [0, 1, 2].map(|k| sum[k] + u32::from(rgb[k]));
-        count += 1;
-    }
-    (count > 0).then(|| sum.map(|sum| ((sum + count / 2) / count) as u8))
 }
