@@ -13,16 +13,15 @@ use insula_shaders::light::Air;
 use insula_shaders::stone::{MAX_STONES, PRESETS, Stone};
 use insula_shaders::wgsl;
 use insula_tests::gpu::Gpu;
+use insula_tests::gpu_tests;
 use insula_tests::rng::Rng;
 use insula_tests::trials::Trials;
-use insula_tests::{gpu_tests, tests};
 use std::f64::consts::TAU;
-use std::mem::offset_of;
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(gpu_tests![gpu_shows_the_same_stone_as_the_cpu]).add(tests![structs_have_the_same_layout]);
+    trials.add(gpu_tests![gpu_shows_the_same_stone_as_the_cpu]);
 }
 
 const KERNEL: &str = "
@@ -67,36 +66,6 @@ struct Point {
     ao: f32,
     dir: Vec3,
     stone: u32,
-}
-
-fn structs_have_the_same_layout() {
-    let module = naga::front::wgsl::parse_str(&wgsl::stone_samples(KERNEL)).expect("WGSL");
-    let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Stone")).expect("Stone").1;
-    let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("Stone is not a struct") };
-    let offsets: Vec<(&str, usize)> =
-        members.iter().map(|m| (m.name.as_deref().unwrap_or_default(), m.offset as usize)).collect();
-    let rust = [
-        ("base", offset_of!(Stone, base)),
-        ("kind", offset_of!(Stone, kind)),
-        ("vein", offset_of!(Stone, vein)),
-        ("cells_per_m", offset_of!(Stone, cells_per_m)),
-        ("grain", offset_of!(Stone, grain)),
-        ("octaves", offset_of!(Stone, octaves)),
-        ("f0", offset_of!(Stone, f0)),
-        ("refraction", offset_of!(Stone, refraction)),
-        ("alpha", offset_of!(Stone, alpha)),
-        ("vein_width", offset_of!(Stone, vein_width)),
-        ("veins", offset_of!(Stone, veins)),
-        ("blend", offset_of!(Stone, blend)),
-        ("variation", offset_of!(Stone, variation)),
-        ("bend", offset_of!(Stone, bend)),
-        ("scattering", offset_of!(Stone, scattering)),
-        ("scattering_scale", offset_of!(Stone, scattering_scale)),
-        ("absorption", offset_of!(Stone, absorption)),
-        ("unused", offset_of!(Stone, unused)),
-    ];
-    assert_eq!(offsets, rust);
-    assert_eq!((*span as usize, size_of::<Stone>()), (128, 128));
 }
 
 /// Every stone from all sides, near and far.
