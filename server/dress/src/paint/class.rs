@@ -1,49 +1,52 @@
 //! What areas and lines are: classes with their layers and usual widths.
 
+use super::material::listed;
 use serde::{Deserialize, Serialize};
 
-/// What an area is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum AreaClass {
-    Residential,
-    /// Offices, shops, schools, hospitals.
-    Commercial,
-    Industrial,
-    RailwayLand,
-    /// Building sites, landfills, waste land.
-    Construction,
-    Park,
-    Cemetery,
-    /// Fields. They have rows along their longer direction.
-    Farmland,
-    /// Meadows, orchards and other grass that is seldom mown.
-    Meadow,
-    /// Lawns.
-    Grass,
-    Scrub,
-    /// Woods, seen from above: crowns.
-    Forest,
-    Wetland,
-    /// Sand and beaches.
-    Sand,
-    /// Bare rock and scree.
-    Rock,
-    Water,
-    Parking,
-    /// Squares and pedestrian areas.
-    Square,
-    /// Areas of paths and pavements.
-    Pavement,
-    /// Platforms of stations and stops.
-    Platform,
-    Pier,
-    /// Sports pitches and tracks.
-    Pitch,
-    Playground,
-    /// Areas of roads: carriageways, aprons.
-    Carriageway,
-    /// Areas of tracks.
-    TrackBed,
+listed! {
+    /// What an area is.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum AreaClass {
+        Residential,
+        /// Offices, shops, schools, hospitals.
+        Commercial,
+        Industrial,
+        RailwayLand,
+        /// Building sites, landfills, waste land.
+        Construction,
+        Park,
+        Cemetery,
+        /// Fields. They have rows along their longer direction.
+        Farmland,
+        /// Meadows, orchards and other grass that is seldom mown.
+        Meadow,
+        /// Lawns.
+        Grass,
+        Scrub,
+        /// Woods, seen from above: crowns.
+        Forest,
+        Wetland,
+        /// Sand and beaches.
+        Sand,
+        /// Bare rock and scree.
+        Rock,
+        Water,
+        Parking,
+        /// Squares and pedestrian areas.
+        Square,
+        /// Areas of paths and pavements.
+        Pavement,
+        /// Platforms of stations and stops.
+        Platform,
+        Pier,
+        /// Sports pitches and tracks.
+        Pitch,
+        Playground,
+        /// Areas of roads: carriageways, aprons.
+        Carriageway,
+        /// Areas of tracks.
+        TrackBed,
+    }
 }
 
 /// Layers of areas, from the lowest. Within a layer, smaller areas are painted over larger ones.
@@ -58,36 +61,6 @@ pub enum AreaLayer {
 }
 
 impl AreaClass {
-    /// All classes.
-    #[cfg(test)]
-    pub const ALL: [Self; 25] = [
-        Self::Residential,
-        Self::Commercial,
-        Self::Industrial,
-        Self::RailwayLand,
-        Self::Construction,
-        Self::Park,
-        Self::Cemetery,
-        Self::Farmland,
-        Self::Meadow,
-        Self::Grass,
-        Self::Scrub,
-        Self::Forest,
-        Self::Wetland,
-        Self::Sand,
-        Self::Rock,
-        Self::Water,
-        Self::Parking,
-        Self::Square,
-        Self::Pavement,
-        Self::Platform,
-        Self::Pier,
-        Self::Pitch,
-        Self::Playground,
-        Self::Carriageway,
-        Self::TrackBed,
-    ];
-
     /// The class of a flat object by its type in CityJSON or CityGML, such as `WaterBody`; `None` for types that are
     /// not painted.
     #[must_use]
@@ -120,75 +93,48 @@ impl AreaClass {
     }
 }
 
-/// What a line is. Later classes are painted over earlier ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum LineClass {
-    /// Rivers, canals, streams and ditches.
-    Waterway,
-    Pier,
-    Platform,
-    /// Railways on ballast.
-    Rail,
-    NarrowGauge,
-    /// Tracks in the street.
-    Tram,
-    /// Ways of fields and woods.
-    Track,
-    /// Trodden paths and bridleways.
-    Path,
-    Footway,
-    Cycleway,
-    Steps,
-    /// Streets for people on foot.
-    Pedestrian,
-    Taxiway,
-    Runway,
-    /// Driveways, alleys, lanes of parking areas.
-    Service,
-    /// Streets in which people walk on the carriageway.
-    LivingStreet,
-    Residential,
-    /// Minor roads between places.
-    Unclassified,
-    Tertiary,
-    Secondary,
-    Primary,
-    Trunk,
-    Motorway,
-    /// Zebra crossings, from kerb to kerb or beyond. Stripes are painted on carriageways only.
-    Zebra,
+listed! {
+    /// What a line is. Later classes are painted over earlier ones.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum LineClass {
+        /// Rivers, canals, streams and ditches.
+        Waterway,
+        Pier,
+        Platform,
+        /// Railways on ballast.
+        Rail,
+        NarrowGauge,
+        /// Tracks in the street.
+        Tram,
+        /// Ways of fields and woods.
+        Track,
+        /// Trodden paths and bridleways.
+        Path,
+        Footway,
+        Cycleway,
+        Steps,
+        /// Streets for people on foot.
+        Pedestrian,
+        Taxiway,
+        Runway,
+        /// Driveways, alleys, lanes of parking areas.
+        Service,
+        /// Streets in which people walk on the carriageway.
+        LivingStreet,
+        Residential,
+        /// Minor roads between places.
+        Unclassified,
+        Tertiary,
+        Secondary,
+        Primary,
+        Trunk,
+        Motorway,
+        /// Zebra crossings, from kerb to kerb or beyond. Stripes are painted on carriageways only.
+        Zebra,
+    }
 }
 
 impl LineClass {
-    /// All classes.
-    #[cfg(test)]
-    pub const ALL: [Self; 24] = [
-        Self::Waterway,
-        Self::Pier,
-        Self::Platform,
-        Self::Rail,
-        Self::NarrowGauge,
-        Self::Tram,
-        Self::Track,
-        Self::Path,
-        Self::Footway,
-        Self::Cycleway,
-        Self::Steps,
-        Self::Pedestrian,
-        Self::Taxiway,
-        Self::Runway,
-        Self::Service,
-        Self::LivingStreet,
-        Self::Residential,
-        Self::Unclassified,
-        Self::Tertiary,
-        Self::Secondary,
-        Self::Primary,
-        Self::Trunk,
-        Self::Motorway,
-        Self::Zebra,
-    ];
-
     /// Usual width in metres, for lines whose width is no number.
     #[must_use]
     pub fn usual_width_m(self) -> f64 {
