@@ -109,17 +109,3 @@ fn problem(state: &AppState, city: &CityStore, failure: Failure) -> Problem {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_query_has_one_filter() {
-        assert_eq!(text_of("share=x&expr=height+%3E+20").as_deref(), Some("height > 20"));
-        let too_long = format!("expr={}", "a".repeat(MAX_FILTER_BYTES + 1));
-        for invalid in ["", "expr", "expr=", "expr=%ff", "expr=a&expr=b", "q=a", &too_long] {
-            assert_eq!(text_of(invalid), None, "{invalid}");
-        }
-    }
-}

@@ -37,8 +37,10 @@ async fn a_proxy_may_have_the_server_below_a_path() {
     for path in ["/maps/3dv1/cities/two", "/maps/v1/cities/two", "/maps/3d/maps/3d/v1/cities/two"] {
         assert_eq!(get(&service, path, &[]).await.status, StatusCode::NOT_FOUND, "{path}");
     }
-    let page = get(&service, "/maps/3d", HTML).await;
-    assert_eq!((page.status, page.header("location")), (StatusCode::PERMANENT_REDIRECT, "/maps/3d/"));
+    for (path, meant) in [("/maps/3d", "/maps/3d/"), ("/maps/3d/cities/Two", "/maps/3d/cities/two")] {
+        let page = get(&service, path, HTML).await;
+        assert_eq!((page.status, page.header("location")), (StatusCode::PERMANENT_REDIRECT, meant));
+    }
     let list = get(&service, "/v1/cities?limit=1", &[]).await;
     assert!(list.status == StatusCode::OK && list.text.contains("two"), "{}", list.text);
 }

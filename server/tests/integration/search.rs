@@ -190,7 +190,7 @@ async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
 
 #[tokio::test]
 async fn filters_name_the_objects_that_pass() {
-    use insula_objects::filter::FilteredObjects;
+    use insula_objects::filter::{FilteredObjects, MAX_FILTER_BYTES};
     let server = start(|_| {}).await;
     let filter = |query: &str| format!("{}?{query}", route::filter("two", small_city::VERSION));
     let response = server.get(&filter("expr=kind+%3D%3D+'building'"), "").await;
@@ -202,7 +202,11 @@ async fn filters_name_the_objects_that_pass() {
     let expected =
         FilteredObjects { passing: [0].into_iter().collect(), passing_wholes: 1, ..FilteredObjects::default() };
     assert!(response.contains(&format!("content-length: {}\r\n", expected.encode().len())), "{response}");
-    for query in ["", "expr=", "expr=heigt+%3E+3", "expr=height+%3E", "expr=height&expr=height", "q=height"] {
+    let too_long = format!("expr={}", "a".repeat(MAX_FILTER_BYTES + 1));
+    for query in [
+        "", "expr", "expr=", "expr=%ff", "expr=heigt+%3E+3", "expr=height+%3E", "expr=height&expr=height", "q=height",
+        &too_long,
+    ] {
         assert_problem(&server.get(&filter(query), "").await, 400);
     }
     let other = route::filter("two", "0123456789abcdee");
