@@ -3,10 +3,9 @@
 //! A subtree in use is never evicted, nor one above it, so that what the frame draws stays known. An evicted subtree is requested
 //! again when a selection needs it.
 
-use super::key::TileKey;
-use super::memory::{TreeMemory, listing_subtree};
 use super::tile::{TileRecord, TileState};
 use super::tree::{LOD_BYTES, NODE_BYTES, NodeIndex, SceneTree};
+use super::{TileKey, TreeMemory, listing_subtree};
 use insula_protocol::mesh_tile::MAX_LODS;
 use insula_protocol::subtree::MAX_NODES;
 use insula_protocol::{Subtree, TileId};

@@ -1,9 +1,7 @@
 //! The known nodes of a city in one array, with the states of their tiles.
 
-use super::key::TileKey;
-use super::memory::{TreeMemory, listing_subtree};
 use super::tile::{TileEvent, TileRecord};
-use super::visibility::VisibilityTiles;
+use super::{TileKey, TreeMemory, VisibilityTiles, listing_subtree};
 use glam::{DVec2, DVec3};
 use insula_protocol::subtree::{MeshLod, NodeInfo};
 use insula_protocol::{Manifest, Subtree, TileId, TileKind};
