@@ -6,6 +6,7 @@ use insula_bake::scene::{Scene, SceneTexture};
 use insula_shaders::cpu::raycast::Pixels;
 use insula_shaders::cpu::shade::{Airlight, background, encode_srgb, linear_of};
 use insula_shaders::layout::NO_NODE;
+use insula_simplify::surface::nearest_on_triangle;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -174,7 +175,7 @@ impl Truth {
                 let node = &bvh.nodes[node as usize];
                 for at in node.first_index..node.first_index + node.prim_count {
                     let corners = self.corners(bvh.primitive_indices[at as usize]);
-                    best = best.min(closest_on_triangle(p, corners).distance(p));
+                    best = best.min(nearest_on_triangle(p, corners).distance(p));
                 }
                 true
             });
@@ -217,63 +218,4 @@ fn nearest(texture: &SceneTexture, [u, v]: [f64; 2]) -> [u8; 3] {
     let wrap = |x: f64, n: u32| ((x * f64::from(n)).floor() as i64).rem_euclid(i64::from(n.max(1))) as usize;
     let (x, y) = (wrap(u, texture.width), wrap(1.0 - v, texture.height));
     texture.rgb.get(y * texture.width as usize + x).copied().unwrap_or_default()
-}
-
-/// The nearest point of a triangle to `p` (Ericson, *Real-Time Collision Detection*, 5.1.5).
-pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return a + ab * share(d1, d1 - d3);
-    }
-    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * share(d2, d2 - d6);
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return b + (c - b) * share(d4 - d3, (d4 - d3) + (d5 - d6));
-    }
-    let sum = va + vb + vc;
-    a + ab * share(vb, sum) + ac * share(vc, sum)
-}
-
-fn share(part: f64, whole: f64) -> f64 {
-    if whole == 0.0 { 0.0 } else { part / whole }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::rng::Rng;
-
-    #[test]
-    fn no_point_of_the_triangle_is_nearer_than_the_closest() {
-        let mut rng = Rng::new(5);
-        for _ in 0..500 {
-            let mut point = || DVec3::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
-            let (p, [a, b, c]) = (point(), [point(), point(), point()]);
-            let found = closest_on_triangle(p, [a, b, c]).distance(p);
-            let mut best = f64::INFINITY;
-            for i in 0..=60 {
-                for j in 0..=60 - i {
-                    let (u, v) = (f64::from(i) / 60.0, f64::from(j) / 60.0);
-                    best = best.min((a + (b - a) * u + (c - a) * v).distance(p));
-                }
-            }
-            assert!(found <= best + 1e-12 && best - found < 0.05, "{found} {best}");
-        }
-    }
 }

@@ -222,36 +222,44 @@ impl Surface {
     }
 }
 
-/// Squared distance of a point from a triangle (Ericson 2005, "Real-Time Collision Detection", 5.1.5).
-fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+fn squared_distance(p: DVec3, triangle: [DVec3; 3]) -> f64 {
+    (p - nearest_on_triangle(p, triangle)).length_squared()
+}
+
+/// The point of a triangle that is nearest to a point (Ericson 2005, "Real-Time Collision Detection", 5.1.5).
+pub fn nearest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
-    let to = |q: DVec3| (p - q).length_squared();
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
     if d1 <= 0.0 && d2 <= 0.0 {
-        return to(a);
+        return a;
     }
     let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
     if d3 >= 0.0 && d4 <= d3 {
-        return to(b);
+        return b;
     }
     let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return to(a + ab * (d1 / (d1 - d3)));
+    // `a` and `b` may be one point.
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
+        return a + ab * (d1 / (d1 - d3));
     }
     let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
     if d6 >= 0.0 && d5 <= d6 {
-        return to(c);
+        return c;
     }
     let vb = d5 * d2 - d1 * d6;
     if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return to(a + ac * (d2 / (d2 - d6)));
+        return a + ac * (d2 / (d2 - d6));
     }
     let va = d3 * d6 - d5 * d4;
     if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return to(b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6))));
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
     let sum = va + vb + vc;
-    if sum <= 0.0 { to(a).min(to(b)).min(to(c)) } else { to(a + ab * (vb / sum) + ac * (vc / sum)) }
+    if sum > 0.0 {
+        return a + ab * (vb / sum) + ac * (vc / sum);
+    }
+    let nearer = |q: DVec3, r: DVec3| if q.distance_squared(p) <= r.distance_squared(p) { q } else { r };
+    nearer(nearer(a, b), c)
 }
 
 #[cfg(test)]
@@ -344,6 +352,10 @@ mod tests {
             ([4.0, 4.0, 0.0], 8.0),
         ] {
             assert!((squared_distance(p.into(), triangle) - squared).abs() < 1e-12, "{p:?}");
+        }
+        let [a, b, _] = triangle;
+        for triangle in [[a, a, b], [a, b, a], [b, a, a]] {
+            assert_eq!(squared_distance(DVec3::new(1.0, 2.0, 0.0), triangle), 4.0, "{triangle:?}");
         }
     }
 }
