@@ -55,7 +55,7 @@ IMPORTS = {name: f"./node_modules/@insula/viewer/insula-{file}.js" for name, fil
 IMPORT_MAP = f'<script type="importmap">{json.dumps({"imports": IMPORTS})}</script>'
 # esbuild copies no files that scripts name: workers, module and shaders are entries of their own.
 ESBUILD = ["npx", "esbuild", "main.js", "@insula/viewer/engine.js", "@insula/viewer/cast-engine.js", "@insula/viewer/helper.js",
-           "@insula/viewer/insula_web_gpu.js",
+           "@insula/viewer/insula_web_gpu.js", "@insula/viewer/insula_web_objects.js",
            *(f"@insula/viewer/insula_web{part}_bg.wasm" for part in ("", "_gpu", "_meshes", "_objects")), "@insula/viewer/shaders.txt",
            "--bundle", "--format=esm", "--loader:.wasm=copy", "--loader:.txt=copy", "--entry-names=[name]", "--outdir=dist"]
 TSC = ["npx", "tsc", "--noEmit", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--jsx",

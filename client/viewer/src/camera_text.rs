@@ -5,6 +5,8 @@
 use crate::camera::Camera;
 use glam::DVec3;
 use insula_protocol::text::fixed;
+#[cfg(target_arch = "wasm32")]
+use wasm_bindgen::JsValue;
 
 /// Largest accepted coordinate.
 const MAX_COORDINATE_M: f64 = 1e10;
@@ -19,8 +21,22 @@ pub fn format(camera: &Camera) -> String {
 
 /// Parses a text that may come from anybody. `None` if it is not a camera.
 pub fn parse(text: &str) -> Option<Camera> {
-    let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+    let numbers: Vec<f64> = text.split(',').map(|n| number(n.trim())).collect::<Option<_>>()?;
     of_numbers(numbers.try_into().ok()?)
+}
+
+/// A finite number in decimal digits. `None` for anything else.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// The same by the browser: the library's table of powers is 10 kB that cannot be compressed.
+#[cfg(target_arch = "wasm32")]
+pub fn number(text: &str) -> Option<f64> {
+    let is_decimal = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit() || b"+-.eE".contains(&byte));
+    let value = if is_decimal { JsValue::from_str(text).unchecked_into_f64() } else { f64::NAN };
+    Some(value).filter(|value| value.is_finite())
 }
 
 /// The camera of the six numbers of a text. `None` if they are out of range.
@@ -31,4 +47,15 @@ pub fn of_numbers([x, y, z, azimuth, pitch, fov]: [f64; 6]) -> Option<Camera> {
     }
     let yaw = (90.0 - azimuth).to_radians();
     Some(Camera::from_angles(DVec3::new(x, y, z), yaw, pitch.to_radians(), fov.to_radians()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_finite_and_decimal() {
+        assert_eq!(["1", "-0.5", "+2", ".5", "5.", "1e3"].map(number), [1.0, -0.5, 2.0, 0.5, 5.0, 1e3].map(Some));
+        assert_eq!(["", " 1", "inf", "NaN", "1e999", "0x10", "-", "1,0"].map(number), [None; 8]);
+    }
 }

@@ -1,7 +1,6 @@
 /** What owns a viewer in a worker: takes messages of the page, runs the frame loop, and reports. */
 
 import init, { CityViewer } from './insula_web.js';
-import initObjects, { ObjectReader } from './insula_web_objects.js';
 import { captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
 import { Network, compileGpu, compileObjects, compileViewer, fetchShaders, locate } from './network.js';
@@ -30,7 +29,7 @@ export class Engine {
   #network = new Network();
   /** @type {CityViewer} */ #viewer;
   /** Where the city is, and its manifest. @type {{manifest: string, base: string, isFolder: boolean, query: string}} */ #city;
-  /** What reads its objects; `null` before the first question. @type {Promise<ObjectReader>|null} */ #objects = null;
+  /** What reads its objects; `null` before the first question. @type {Promise<import('./insula_web_objects.js').ObjectReader>|null} */ #objects = null;
   /** @type {Helpers} */ #helpers;
   /** @type {Screen} */ #screen;
   /** @type {any} */ #options;
@@ -250,7 +249,11 @@ export class Engine {
   async #openGpu() {
     const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      const gpu = await (await loadGpu()).open(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
+      const { GpuRenderer } = await bound(
+        () => import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ new URL('./insula_web_gpu.js', import.meta.url).href),
+        compileGpu(),
+      );
+      const gpu = await GpuRenderer.open(this.#host(), canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       gpu.write(this.#viewer.useGpu(gpu.pages()));
       this.gpuName = gpu.name();
       this.#gpu = gpu;
@@ -341,7 +344,10 @@ export class Engine {
     reply(id, probe().then((word) => this.#viewer.objectOf(word) ?? null));
   }
 
-  /** What reads the objects. Its module is fetched at the first question, and again if that failed. @returns {Promise<ObjectReader>} */
+  /**
+   * What reads the objects. Its module is fetched at the first question, and again if that failed.
+   * @returns {Promise<import('./insula_web_objects.js').ObjectReader>}
+   */
   #reader() {
     this.#objects ??= this.#openObjects().catch((error) => {
       this.#objects = null;
@@ -351,7 +357,10 @@ export class Engine {
   }
 
   async #openObjects() {
-    await initObjects({ module_or_path: await compileObjects() });
+    const { ObjectReader } = await bound(
+      () => import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ new URL('./insula_web_objects.js', import.meta.url).href),
+      compileObjects(),
+    );
     const { manifest, base, isFolder, query } = this.#city;
     return new ObjectReader(this.#host(), manifest, base, isFolder, query);
   }
@@ -469,14 +478,16 @@ export class Engine {
 }
 
 /**
- * What draws on a GPU: its script and its module, which only pages with a GPU fetch. Bundlers make one script of a worker, and copy what is
- * named like this.
+ * A module with its script. Bundlers make one script of a worker, and copy files that are named like these. A script is not asked for while
+ * its module cannot be fetched: browsers may remember that it failed.
+ * @param {() => Promise<any>} script
+ * @param {Promise<WebAssembly.Module>} compiled
  */
-async function loadGpu() {
-  const script = import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ new URL('./insula_web_gpu.js', import.meta.url).href);
-  const [{ default: init, GpuRenderer }, module] = await Promise.all([script, compileGpu()]);
-  await init({ module_or_path: module });
-  return GpuRenderer;
+async function bound(script, compiled) {
+  const module = await compiled;
+  const bindings = await script();
+  await bindings.default({ module_or_path: module });
+  return bindings;
 }
 
 /** What the measuring tool does, as the crate reads it. */

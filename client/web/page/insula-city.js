@@ -63,8 +63,11 @@ export class InsulaCity extends Base {
     const cross = 'M12.5 1v9m0 5v9M1 12.5h9m5 0h9';
     const aim = svg('svg', { class: 'aim', viewBox: '0 0 25 25' }, svg('path', { d: cross }), svg('path', { d: cross }));
     root.append(this.#surface, ...this.#overlay.nodes, aim, ...this.#notices.nodes, element('slot'));
-    // A click may follow, which then needs one request. A city without objects says so when it is clicked.
-    this.#surface.addEventListener('pointerenter', () => this.#ask('schema').catch(() => {}), { once: true });
+    // A click may follow, which then needs one request; the first picture is not to wait for what answers it. A city without objects says
+    // so when it is clicked.
+    const prepare = () => this.#ask('schema').catch(() => {});
+    const enter = () => (this.last.ready ? prepare() : this.addEventListener('ready', prepare, { once: true }));
+    this.#surface.addEventListener('pointerenter', enter, { once: true });
   }
 
   connectedCallback() {

@@ -15,7 +15,7 @@ use std::fmt::Write;
 const ENTRY: &str = "app.js";
 const MODULE: &str = "insula_web_bg.wasm";
 /// The scripts of workers, which the browser learns of late.
-const WORKERS: [&str; 5] = ["engine.js", "insula_web.js", "insula_web_objects.js", "helper.js", "insula_web_meshes.js"];
+const WORKERS: [&str; 4] = ["engine.js", "insula_web.js", "helper.js", "insula_web_meshes.js"];
 
 pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerAssets, brand: &Brand) -> String {
     let title = escape_html(&city.manifest.title);

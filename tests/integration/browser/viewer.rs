@@ -130,6 +130,7 @@ fn ensure_page_shows_city(options: PageOptions) -> Result<()> {
         ("/shaders.txt", "a GPU"),
         ("/insula_web_gpu.js", "a GPU"),
         ("/insula_web_gpu_bg.wasm", "a GPU"),
+        ("/insula_web_objects.js", "questions about objects"),
         ("/insula_web_objects_bg.wasm", "questions about objects"),
     ];
     for (file, user) in unneeded {

@@ -48,7 +48,8 @@ impl CityViewer {
             Command::Options(OptionsCommand { tau, fps, distances, shadows, shading, look }) => {
                 self.set_options(tau, shadows);
                 if let Some(text) = distances {
-                    let metres: Vec<f64> = text.split(',').filter_map(|metres| metres.trim().parse().ok()).collect();
+                    let metres: Vec<f64> =
+                        text.split(',').filter_map(|metres| camera_text::number(metres.trim())).collect();
                     self.switching = SwitchDistances::new(&metres, SwitchVolume::Box);
                 }
                 if let Some(fps) = fps {
