@@ -2,7 +2,7 @@
 
 import init, { CityViewer } from './insula_web.js';
 import { captioned } from './canvas.js';
-import { Helpers } from './helpers.js';
+import { Helpers, fetchMeshes } from './helpers.js';
 import { Network, compileGpu, compileObjects, compileViewer, fetchShaders, locate } from './network.js';
 
 /** Attempts to get a lost GPU back, and the time between them. */
@@ -219,6 +219,7 @@ export class Engine {
     if (this.#isShown || !this.#viewer.has_frame()) return;
     this.#isShown = true;
     postMessage({ op: 'ready', manifest: this.manifest });
+    fetchMeshes();
     // The first picture does not wait for a GPU, whose pipelines may take seconds.
     if (!this.#whyCpu()) this.#openGpu();
   }

@@ -9,11 +9,20 @@ const ROWS_WEIGHT = 8;
 /** Kind of a mesh in a tile's key. */
 const MESH = 2;
 
+/** Ends the wait for the first picture, which needs no mesh. */
+let endWait = () => {};
+const firstPicture = new Promise((resolve) => (endWait = resolve));
+
+/** Lets meshes be decoded: the first picture is shown, and what decodes them no longer delays it. */
+export function fetchMeshes() {
+  endWait();
+}
+
 /** What decodes meshes, before the first of them; `null` before, and after it could not be fetched. @type {Promise<WebAssembly.Module>|null} */
 let meshes = null;
 
 function compiledMeshes() {
-  meshes ??= compileMeshes().catch((error) => {
+  meshes ??= firstPicture.then(compileMeshes).catch((error) => {
     meshes = null;
     throw error;
   });
