@@ -50,7 +50,7 @@ pub struct Browser {
 
 impl Browser {
     /// The browser's program, if there is one.
-    pub fn find_chromium() -> Option<PathBuf> {
+    pub fn find() -> Option<PathBuf> {
         find_chromium()
     }
 
