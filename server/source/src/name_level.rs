@@ -42,7 +42,7 @@ impl NameLevel {
 /// first counts.
 pub fn finest_first(names: &mut Vec<String>) {
     let mut first_places: HashMap<String, usize> = HashMap::new();
-    let mut placed: Vec<(usize, Reverse<(bool, u32)>, String)> = Vec::with_capacity(names.len());
+    let mut placed = Vec::with_capacity(names.len());
     for (place, name) in std::mem::take(names).into_iter().enumerate() {
         let (place, rank) = match NameLevel::of(&name) {
             Some(NameLevel { stem, rank }) => (*first_places.entry(stem).or_insert(place), rank),

@@ -115,3 +115,29 @@ fn names_with_a_number_come_first_where_objects_are_coloured() {
     }
     assert_eq!(schema.names_to_color_by(), ["zone", "floors", "height", "age", "b", "kind"]);
 }
+
+#[test]
+fn values_are_in_the_order_of_the_source_with_the_telling_ones_first() {
+    let mut builder = SchemaBuilder::default();
+    for (name, value) in [
+        ("zone", Value::Integer(3)),
+        ("height", Value::Float(8.63)),
+        ("area", Value::Float(-0.0)),
+        ("name", Value::Text("Kerk".into())),
+    ] {
+        builder.add(name, &value);
+    }
+    let schema = builder.finish(1);
+    let values = vec![
+        (0, Value::Integer(3)),
+        (1, Value::Float(8.63)),
+        (2, Value::Float(-0.0)),
+        (3, Value::Text("Kerk".into())),
+        (9, Value::Bool(true)),
+    ];
+    let named = NamedValues::new(&schema, values);
+    let json = serde_json::to_string(&named).unwrap();
+    assert_eq!(json, r#"{"name":"Kerk","height":8.63,"zone":3,"area":0.0}"#);
+    let texts: Vec<String> = named.iter().map(|(_, value)| value.to_string()).collect();
+    assert_eq!((texts.join(" "), named.get("zone")), ("Kerk 8.63 3 0".into(), Some(&Value::Integer(3))));
+}

@@ -6,11 +6,11 @@ use crate::format::{Format, Projections};
 use crate::selection::ObjectSelection;
 use crate::table::test_city::{COURT, ORIGIN, TestCity, manifest};
 use crate::table::{ExportError, ExportReport, TableOptions};
+use ::tiff::decoder::{Decoder, DecodingResult};
+use ::tiff::tags::Tag;
 use insula_protocol::TileId;
 use insula_protocol::blockmap::NodeGround;
 use std::fs::File;
-use tiff::decoder::{Decoder, DecodingResult};
-use tiff::tags::Tag;
 
 struct Raster {
     report: ExportReport,
