@@ -7,7 +7,7 @@ fn parts_stand_for_their_outline_unless_they_are_small() {
     let feature = |properties: &str, size: f64| {
         let [east, north] = [4.36 + size, 52.01 + size];
         format!(
-            r#"{{"type": "Feature", "properties": {{{properties}}}, "geometry": {{"type": "Polygon",
+            r#"{{"type": "Feature", "properties": {{{properties}, "sources": [{{"dataset": "OpenStreetMap"}}]}}, "geometry": {{"type": "Polygon",
             "coordinates": [[[4.36, 52.01], [{east}, 52.01], [{east}, {north}], [4.36, {north}], [4.36, 52.01]]]}}}}"#
         )
     };
