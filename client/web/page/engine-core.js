@@ -250,6 +250,8 @@ export class Engine {
   async #openGpu() {
     const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
+      // Browsers have WebGPU where there is no adapter, too.
+      if (!(await navigator.gpu?.requestAdapter())) throw new Error('no graphics adapter');
       const { GpuRenderer } = await bound(
         () => import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ new URL('./insula_web_gpu.js', import.meta.url).href),
         compileGpu(),
