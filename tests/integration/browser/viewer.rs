@@ -28,7 +28,7 @@ pub(super) const PICTURE: [u32; 2] = [320, 200];
 /// A place of a page of the default size where no control or notice is.
 pub(super) const FREE: [f64; 2] = [240.0, 220.0];
 /// Page and program as they are distributed. `client/web/build --quick` makes larger ones for the quick tier.
-const PROGRAM_BYTES: u64 = 430_000;
+const PROGRAM_BYTES: u64 = 385_000;
 const QUICK_PROGRAM_BYTES: u64 = 650_000;
 pub(super) const DESKTOP: [u32; 2] = [1440, 900];
 pub(super) const PHONE: [u32; 2] = [390, 844];
